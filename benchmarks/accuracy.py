@@ -161,7 +161,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
 
 
 HEADINGS = {
-    "level": "asked for",
+    "level": "target",
     "kind": "cell, scheme",
     "surface_size_mm": "surface size [mm]",
     "stepping": "step",

@@ -89,7 +89,7 @@ THESIS = {
 TAPER: Columns = {
     "mush": "mush",
     "best": ("best [%/m]", ".2f"),
-    "low": ("cannot be told from [%/m]", ".2f"),
+    "low": ("cannot be distinguished from [%/m]", ".2f"),
     "high": ("to [%/m]", ".2f"),
     "stress": ("peak stress [MPa]", ".2f"),
     "stress_error": ("its numerical error [MPa]", ".2f"),

@@ -21,7 +21,7 @@ SHOWN: Columns = {
     "mould": "mould",
     "best": "best [%/m]",
     "checked": "with the heat of the finest level [%/m]",
-    "interval": "cannot be told from [%/m]",
+    "interval": "cannot be distinguished from [%/m]",
     "stress": ("peak stress [MPa]", ".2f"),
     "noise": ("its noise", ".1g"),
     "numerical": ("its numerical error", ".2g"),

@@ -24,8 +24,8 @@ SCENES: dict[str, tuple[int, dict[str, Any]]] = {
 }  # fmt: skip
 """Length of the mould, mm, and what is asked for."""
 SHOWN: Columns = {
-    "scene": "asked for", "length": ("mould [mm]", ".0f"), "best": ("best, coarse [%/m]", ".2f"),
-    "interval": "cannot be told from [%/m]", "reference": ("best, fine [%/m]", ".2f"),
+    "scene": "target", "length": ("mould [mm]", ".0f"), "best": ("best, coarse [%/m]", ".2f"),
+    "interval": "cannot be distinguished from [%/m]", "reference": ("best, fine [%/m]", ".2f"),
     "within": "in the interval",
 }  # fmt: skip
 

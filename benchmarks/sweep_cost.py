@@ -31,7 +31,7 @@ WORKERS = 2
 PARTS = {
     "march": "the time loops",
     "each": "set-up and end of each run",
-    "first": "what the first run of a worker takes more",
+    "first": "extra time of a worker's first run",
     "imports": "start of a worker, its imports",
     "parent": "the sweep itself: plan, progress, table",
     "figures": "figures of a run, with `--figures`",
@@ -176,8 +176,8 @@ def show(output: Output) -> None:
         f"the processor. The whole command took {rows[0]['whole [s]']:.0f} s, the parts add up to "
         f"{total:.0f} s.\n\n"
         + table(lines, headings, {"each": ".2f", "share": ".1f"})
-        + f"\n\nTwo of them at once were done {best[False] / best[True]:.2f} times as fast as one "
-        f"after the other, by the clock on the wall (the best of each), on two cores whose load "
+        + f"\n\nTwo at once were {best[False] / best[True]:.2f} times as fast as one "
+        f"after the other, in wall-clock time (best of each), on two cores whose load "
         f"was {least:.1f} to {most:.1f}, these runs included."
     )
     output.insert("throughput", text)

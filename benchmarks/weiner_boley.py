@@ -257,7 +257,7 @@ def draw_profiles() -> Figure:
 
 
 HEADINGS = {
-    "level": "asked for",
+    "level": "target",
     "kind": "cells, scheme",
     "size_mm": "size [mm]",
     "step_s": "step [s]",

@@ -9,23 +9,23 @@ For scripts (docs/scripting.md); imported at first use, so that `import castfem`
     sweep                           a case with several values of its keys
     error_table                     the error of each result of a case
     optimise                        the best values of a case's keys
-    find_section                    the outline at the meniscus for a wanted section
-    quantity                        declares a result of one's own
-    mould_at_work                   how heat distorts the copper tube of a mould
-    InputError, RunFailure          what goes wrong; both are a CastfemError
+    find_section                    the outline at the meniscus for a required section
+    quantity                        declares a custom result
+    mould_at_work                   thermal distortion of the copper tube of a mould
+    InputError, RunFailure          errors; both are a CastfemError
 
-What there is, upstream first; nothing knows what comes after it (docs/architecture.md):
+Packages, upstream first; each is independent of those after it (docs/architecture.md):
 
     base/           numbers with units, tables, files, log, errors
     meshes/ forms/  sections as plain arrays; weak forms in UFL
     fem/            DOLFINx and PETSc, of any physics
     physics/        materials, constitutive laws, machine, mould, thermal, contact, mechanics,
                     coupling, closed_forms: one step of each problem at a time
-    model/          case files, checked; model/build: from a case to what computes it
+    model/          case files, checked; model/build: from a case to the computing objects
     runs/           output, results, tensile; the time loop from the meniscus to the end
     studies/        several runs: identification, mould_fit, sensitivity, sweep, accuracy,
                     optimisation, calibration
-    post/           plots, report, compare, html, watch: figures and words on runs
+    post/           plots, report, compare, html, watch: figures and reports on runs
     api several_runs    for scripts: one run, several runs
     cli/            the commands
 """

@@ -1,4 +1,4 @@
-"""castfem for those who script: load a case, change it, run it, and have the results as arrays.
+"""Functions for scripts: load a case, change it, run it, and get the results as arrays.
 
     import castfem
 
@@ -7,7 +7,7 @@
     result.quantities["shell_mid_face"]      # m
     result.history                           # pandas
 
-DOLFINx is imported by the first `run`, pandas and h5py when they are needed.
+DOLFINx is imported by the first `run`, pandas and h5py when needed.
 """
 
 from __future__ import annotations
@@ -48,22 +48,21 @@ def run(
     """Run a case and return its result (collective).
 
     Args:
-        case: A case, or what `load` takes.
-        folder: Where the files go (docs/output.md); a run of the same physics in it is replaced.
-            None takes a temporary folder, which is removed when the result is closed or no longer
-            used.
-        resume: Go on from the checkpoint in `folder`.
-        overwrite: Replace a run of another case, too, or one that has come further down.
-        comm: Ranks of the run; all when None.
-        progress: Draw a bar, or write lines where there is no terminal.
+        case: A case, or its path or name as for `load`.
+        folder: Output folder (docs/output.md); a run of the same physics in it is replaced. None
+            for a temporary folder, which is removed when the result is closed or no longer used.
+        resume: Continue from the checkpoint in `folder`.
+        overwrite: Also replace a run of another case, or one that has come further down.
+        comm: Ranks of the run; None for all.
+        progress: Show a progress bar, or lines without a terminal.
 
     Returns:
-        The result. On ranks other than 0 it has the summary alone.
+        The result; on ranks other than 0 only its summary.
 
     Raises:
-        InputError: Case, folder or checkpoint cannot be used, it names keys in which they differ;
-            or another thread of this process runs a case.
-        RunFailure: The run cannot go on; its last good state is in `folder`.
+        InputError: Case, folder or checkpoint cannot be used (the message names the keys that
+            differ), or another thread of this process is running a case.
+        RunFailure: The run failed; its last good state is in `folder`.
     """
     from mpi4py import MPI
 
@@ -75,7 +74,7 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     sound = as_case(case, "castfem.run")
     made = None if folder is not None else on_root(comm, tempfile.mkdtemp)
-    # Only rank 0 looks at files; the name of a temporary folder is no concern of the others.
+    # Only rank 0 needs the files and the name of a temporary folder.
     target = Path(made or folder or ".")
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
     with collected():
@@ -108,20 +107,20 @@ def caster(
     See docs/caster.md.
 
     Args:
-        case: A case with a table [caster], or what `load` takes.
-        folder: Where the files go. None takes a temporary folder, which is removed when the result
-            is no longer used.
-        resume: Go on from the checkpoint in `folder`.
-        overwrite: Replace a run of another case, too.
-        comm: Ranks that share the slices; all when None.
-        progress: Draw a bar, or write lines where there is no terminal.
+        case: A case with a table [caster], or its path or name as for `load`.
+        folder: Output folder. None for a temporary folder, which is removed when the result is no
+            longer used.
+        resume: Continue from the checkpoint in `folder`.
+        overwrite: Also replace a run of another case.
+        comm: Ranks that share the slices; None for all.
+        progress: Show a progress bar, or lines without a terminal.
 
     Returns:
-        The strand at each instant, as tables.
+        The results at each output time, as tables.
 
     Raises:
         InputError: Case, folder or checkpoint cannot be used.
-        RunFailure: A slice cannot go on; its last good state is in `folder`.
+        RunFailure: A slice failed; its last good state is in `folder`.
     """
     from mpi4py import MPI
 
@@ -160,24 +159,23 @@ def sensitivities(
     comm: MPI.Intracomm | None = None,
     progress: bool = False,
 ) -> Sensitivity:
-    """Run a case with the derivatives of its results by some of its keys (docs/sensitivity.md).
+    """Run a case and compute the derivatives of its results (docs/sensitivity.md).
 
     Args:
-        case: A case, or what `load` takes.
-        to: The parameters: keys of the case ("casting.superheat"), "steel.conductivity" and the
-            like.
+        case: A case, or its path or name as for `load`.
+        to: The parameters: keys of the case ("casting.superheat"), "steel.conductivity" and others.
         of: Names of results; by default heat removed, shell and surface temperature.
-        folder: Where tables and checkpoints go; None writes nothing.
-        resume: Go on from the checkpoint in `folder`.
-        comm: Ranks of the run; all when None.
-        progress: Draw a bar, or write lines where there is no terminal.
+        folder: Folder for tables and checkpoints; None writes nothing.
+        resume: Continue from the checkpoint in `folder`.
+        comm: Ranks of the run; None for all.
+        progress: Show a progress bar, or lines without a terminal.
 
     Returns:
-        The results with their derivatives, `gradient` by name, on all ranks.
+        The results with their derivatives (`gradient` by name), on all ranks.
 
     Raises:
-        InputError: Case, results or parameters cannot be used; it names each.
-        RunFailure: The run cannot go on.
+        InputError: Case, results or parameters cannot be used; the message names them.
+        RunFailure: The run failed.
     """
     from mpi4py import MPI
 
@@ -200,7 +198,7 @@ def sensitivities(
 
 
 def _may_run_in(folder: Path, case: Case, resume: bool, overwrite: bool) -> None:
-    """Refuse a folder with a run that would be lost, see `existing_run.check`."""
+    """Refuse a folder whose run would be lost; see `existing_run.check`."""
     from castfem.runs import existing_run
 
     existing_run.check(folder, case, resume=resume, overwrite=overwrite, script=True)
@@ -210,14 +208,14 @@ class Result(RunResult):
     """The results of a run, with figures for notebooks."""
 
     def plot(self, *names: str, axes: Axes | None = None) -> Axes:
-        """Columns of the history over the position, as matplotlib axes.
+        """Plot columns of the history over the position.
 
         Args:
-            *names: Of columns with one unit, such as "shell_mid_face".
-            axes: Where to draw; new ones if None.
+            *names: Columns with the same unit, such as "shell_mid_face".
+            axes: matplotlib axes to draw in; None for new ones.
 
         Raises:
-            InputError: There is no such column, or units differ.
+            InputError: There is no such column, or the units differ.
         """
         from castfem.base.shown_units import shown_in
         from castfem.post.plots.interactive import plot_columns
@@ -229,15 +227,16 @@ class Result(RunResult):
     def section(
         self, name: str = "temperature", *, at: float | str | None = None, axes: Axes | None = None
     ) -> Axes:
-        """A scalar field over the section, as matplotlib axes.
+        """Plot a scalar field over the section.
 
         Args:
-            name: Of a field that was written.
-            at: "300 mm", or a number in m: the written place nearest to it; None for the end.
-            axes: Where to draw; new ones if None.
+            name: Name of a written field.
+            at: Position, "300 mm" or a number in m; the nearest written one is used. None for the
+                end.
+            axes: matplotlib axes to draw in; None for new ones.
 
         Raises:
-            InputError: There is no such field, or the run has not been there.
+            InputError: There is no such field, or the run has not reached the position.
         """
         from castfem.base.shown_units import shown_in
         from castfem.post.plots.interactive import plot_field

@@ -1,4 +1,4 @@
-"""What commands find by several runs, for those who script: in SI, as tables and plain objects.
+"""Studies of several runs, for scripts: the commands' results in SI, as tables and objects.
 
     castfem.sweep(case, {"casting.speed": ["3 m/min", "4 m/min"]}, "folder")    # castfem sweep
     castfem.comparison(["results/one", "results/other"])    # castfem compare
@@ -7,7 +7,7 @@
     castfem.find_section("billet125/idealised")             # castfem section
     castfem.mould_at_work("billet125/hot")                  # castfem mould --hot, --coupled
 
-Nothing is printed or drawn. Heavy modules are imported by the functions that need them.
+Nothing is printed or drawn. Large modules are imported by the functions that need them.
 """
 
 from __future__ import annotations
@@ -48,25 +48,25 @@ def comparison(
     everything: bool = False,
     at: float | str | Sequence[float | str] | None = None,
 ) -> pandas.DataFrame:
-    """Set finished runs side by side, as `castfem compare` does.
+    """Compare finished runs, like `castfem compare`.
 
     Args:
-        folders: Of runs; that of a sweep stands for all its finished runs.
-        base: Label or folder of the run whose heat the others' is a share of; by default
+        folders: Folders of runs; the folder of a sweep stands for all its finished runs.
+        base: Label or folder of the run to which the heat of the others is related; by default
             "idealised", or the first.
         everything: All results instead of the headline ones.
-        at: One or more positions, "300 mm" or numbers in m: the results there instead of those at
-            the end.
+        at: One or more positions, "300 mm" or numbers in m, for results there instead of at the
+            end.
 
     Returns:
-        A row a result and place, by the name of the result ("heat_removed_share": of the base run's
-        heat); columns `at` (m below the meniscus, NaN: the end of the run), `label`, `unit`, one
-        for each run under its label, and "LABEL: error", "LABEL: reference", "LABEL: bound" where
-        there is any. SI.
+        One row for each result and place, by the name of the result ("heat_removed_share": relative
+        to the base run); columns `at` (m below the meniscus, NaN: the end of the run), `label`,
+        `unit`, one for each run under its label, and "LABEL: error", "LABEL: reference",
+        "LABEL: bound" where they exist. SI.
 
     Raises:
-        InputError: A folder holds no finished run, there are fewer than two, none has been at
-            a position, or one has the name of another column.
+        InputError: A folder has no finished run, there are fewer than two runs, none has reached a
+            position, or a run has the name of another column.
     """
     from castfem.post.compare.runs import base_of, read_runs
     from castfem.post.compare.table import in_si, lines
@@ -103,28 +103,30 @@ def sweep(
     executor: CallExecutor | None = None,
     overwrite: bool = False,
 ) -> pandas.DataFrame:
-    """Run a case with several values of its keys, as `castfem sweep` does.
+    """Run a case with several values of its keys, like `castfem sweep`.
 
     Args:
-        case: A case, or what `load` takes.
-        values: Key to its values, written as in a case file: each combination is a run.
-        folder: Where the runs go, as those of `castfem sweep -o`; what is finished in it is not run
-            again, and what was cut short goes on. None takes a temporary folder, which is removed.
-        table: CSV file with a row a run, as `--table` takes it.
-        processes: Runs at once, each in a process of its own, for which a script needs
-            `if __name__ == "__main__":`; 0: in this process, one after the other.
-        executor: Makes the runs instead: an object with `submit(function, *arguments)`, as those of
-            `concurrent.futures`, `mpi4py.futures`, executorlib and submitit. Its processes must see
-            the folder; it stays open. A process makes one run at a time, whatever its threads.
-        overwrite: Run all anew, also over runs of other cases.
+        case: A case, or its path or name as for `load`.
+        values: Values by key, written as in a case file; each combination is a run.
+        folder: Folder of the runs, as for `castfem sweep -o`; finished runs in it are not repeated,
+            and interrupted ones continue. None for a temporary folder, which is removed.
+        table: CSV file with one row per run, as for `--table`.
+        processes: Number of simultaneous runs, each in its own process, for which a script needs
+            `if __name__ == "__main__":`; 0: one after the other in this process.
+        executor: Makes the runs instead: an object with `submit(function, *arguments)`, such as
+            those of `concurrent.futures`, `mpi4py.futures`, executorlib and submitit. Its processes
+            must see the folder; it is not closed. A process makes one run at a time, even with
+            several threads.
+        overwrite: Repeat all runs, also over runs of other cases.
 
     Returns:
-        A row a run, by its name: what was varied, as written; `status` ("finished" or "failed"),
-        the results in SI by their names, `seconds`, and the `message` of a run that has failed.
+        One row per run, by its name: the varied values, as written; `status` ("finished" or
+            "failed"),
+        the results in SI by name, `seconds`, and the `message` of a failed run.
 
     Raises:
-        InputError: Keys, values or folder cannot be used; nothing has been run.
-        RunFailure: A file cannot be written. A run that fails raises nothing.
+        InputError: Keys, values or folder cannot be used; no run has been made.
+        RunFailure: A file cannot be written. A failing run raises nothing.
     """
     from castfem.base.errors import written
     from castfem.post.compare.study_tables import sweep_in_si
@@ -152,10 +154,10 @@ def sweep(
 def _target(
     folder: Path | str | None, caller: str, executor: CallExecutor | None
 ) -> Iterator[Path]:
-    """The folder of several runs; a temporary one for None.
+    """Folder of several runs; a temporary one for None.
 
     Raises:
-        InputError: It cannot be used, or there are several ranks and no executor that has them.
+        InputError: It cannot be used, or there are several ranks without an executor.
     """
     from mpi4py import MPI
 
@@ -174,7 +176,7 @@ def _target(
 def _make(
     jobs: Sequence[Job], record: Record, processes: int, executor: CallExecutor | None
 ) -> None:
-    """Make runs, and note how each has ended."""
+    """Make runs, and record how each has ended."""
     from castfem.studies.sweep.workers import LOG_NAME, Workers
 
     noise = record.folder / LOG_NAME
@@ -190,25 +192,25 @@ def error_table(
     executor: CallExecutor | None = None,
     overwrite: bool = False,
 ) -> pandas.DataFrame:
-    """Find the error of each result of a case, by runs with other cells, steps and windows.
+    """Compute the error of each result of a case, from runs with other cells, steps and windows.
 
     Args:
-        case: A case, or what `load` takes.
-        folder: Where the runs go, as those of `castfem error -o`; what is finished in it is not
-            run again. None takes a temporary folder, which is removed.
-        processes: Runs at once, each in a process of its own, for which a script needs
-            `if __name__ == "__main__":`; 0: in this process, one after the other.
+        case: A case, or its path or name as for `load`.
+        folder: Folder of the runs, as for `castfem error -o`; finished runs in it are not repeated.
+            None for a temporary folder, which is removed.
+        processes: Number of simultaneous runs, each in its own process, for which a script needs
+            `if __name__ == "__main__":`; 0: one after the other in this process.
         executor: Makes the runs instead, as for `sweep`.
-        overwrite: Run all anew, also over runs of other cases.
+        overwrite: Repeat all runs, also over runs of other cases.
 
     Returns:
-        A row a result, by its name; columns `label`, `unit`, `value`, `error`, and what of the
-        error the cells (`mesh`), the `step` and the `coupling` windows make; SI, NaN where it is
-        not known. `table.attrs["not run"]` has the runs that have failed, name to reason.
+        One row per result, by its name; columns `label`, `unit`, `value`, `error`, and the parts of
+        the error from the cells (`mesh`), the `step` and the `coupling` windows; SI, NaN where
+        unknown. `table.attrs["not run"]` has the reasons of failed runs, by name.
 
     Raises:
         InputError: Case or folder cannot be used, or there are several ranks.
-        RunFailure: The case itself does not come to its end.
+        RunFailure: The run of the case itself failed.
     """
     from castfem.post.compare.study_tables import errors_in_si
     from castfem.studies.accuracy.ladder import BASE, levels, prepare
@@ -233,28 +235,29 @@ def optimise(
     comm: MPI.Intracomm | None = None,
     ranks: int = 1,
 ) -> Optimum:
-    """Find the best values of a case's keys, by its table [optimise] (collective).
+    """Find the optimal values of a case's keys, as its table [optimise] asks (collective).
 
-    `castfem.studies.optimisation.Study` asks for the same runs one by one, wherever they are to be
-    made.
+    `castfem.studies.optimisation.Study` yields the same runs one by one, so that they can be made
+    anywhere.
 
     Args:
-        case: A case, or what `load` takes.
-        folder: Where the runs go, as those of `castfem optimise -o`; what is in it is not run
-            again. None takes a temporary folder, which is removed.
-        processes: Runs at once, each in a process of its own, for which a script needs
-            `if __name__ == "__main__":`; 0: in this process, one after the other.
-        executor: Makes the runs instead, as for `sweep`; then this is not collective.
-        comm: Ranks that do the runs; all when None.
-        ranks: Of each run, where there are several.
+        case: A case, or its path or name as for `load`.
+        folder: Folder of the runs, as for `castfem optimise -o`; runs in it are not repeated. None
+            for a temporary folder, which is removed.
+        processes: Number of simultaneous runs, each in its own process, for which a script needs
+            `if __name__ == "__main__":`; 0: one after the other in this process.
+        executor: Makes the runs instead, as for `sweep`; the call is then not collective.
+        comm: Ranks that make the runs; None for all.
+        ranks: Ranks of each run, if there are several.
 
     Returns:
-        The values with their intervals, what they give and what holds them, on all ranks; its
-        `status` says whether the constraints are met. `case.with_(best.changes())` has them.
+        The optimal values with their intervals, the results there and the active bounds, on all
+        ranks; its `status` says whether the constraints are met. `case.with_(best.changes())`
+            applies it.
 
     Raises:
-        InputError: Case or folder cannot be used, or the case asks for nothing.
-        RunFailure: A file cannot be written. A run that fails raises nothing.
+        InputError: Case or folder cannot be used, or the case has no [optimise].
+        RunFailure: A file cannot be written. A failing run raises nothing.
     """
     from mpi4py import MPI
 
@@ -281,7 +284,7 @@ def optimise(
             except Exception as raised:
                 error = raised
                 if comm.size > 1:
-                    comm.bcast(0)  # nothing is to be served
+                    comm.bcast(0)  # tells the other ranks that there are no runs
             else:
                 try:
                     with team:
@@ -297,14 +300,14 @@ def optimise(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundSection:
-    """The outline at the meniscus with which the strand has the wanted section further down."""
+    """Outline at the meniscus with which the strand has the wanted section further down."""
 
-    outline: Outline  #: at the meniscus: way round a quarter and offset from the rectangle, m
-    wall: WallDisplacement  #: the wall that follows the strand all round and all the way
-    attempts: tuple[Attempt, ...]  #: the runs; `worst` of each says how far off its section was, m
+    outline: Outline  #: at the meniscus: length round a quarter and offset from the rectangle, m
+    wall: WallDisplacement  #: wall that follows the strand all round and along the mould
+    attempts: tuple[Attempt, ...]  #: the runs, each with the deviation of its section (`worst`), m
 
     def changes(self, *, wall: bool = False) -> dict[str, Any]:
-        """Return what `case.with_` takes to start from the outline; `wall`: in that wall, too."""
+        """Return the changes for `case.with_` to use the outline; with `wall` also that wall."""
         from castfem.model.wall_shape import WallShape
 
         ways, offsets = self.outline.ways.tolist(), self.outline.offset.tolist()
@@ -316,18 +319,19 @@ class FoundSection:
 def find_section(
     case: Case | str | Path, at: float | str | None = None, *, comm: MPI.Intracomm | None = None
 ) -> FoundSection:
-    """Find the outline at the meniscus whose strand has the case's section further down.
+    """Find the outline at the meniscus with which the strand has the case's section further down.
 
-    As `castfem section` (collective).
+    Like `castfem section` (collective).
 
     Args:
-        case: A case with mechanics and without a mould, or what `load` takes.
-        at: Where it is wanted, "800 mm" or a number in m; by default the end of the mould.
-        comm: Ranks of the runs; all when None.
+        case: A case with mechanics and without a mould, or its path or name as for `load`.
+        at: Position of the wanted section, "800 mm" or a number in m; by default the end of the
+            mould.
+        comm: Ranks of the runs; None for all.
 
     Raises:
-        InputError: The case cannot be asked.
-        RunFailure: A run fails, or they do not come closer.
+        InputError: The case cannot be used.
+        RunFailure: A run fails, or the runs do not converge.
     """
     from mpi4py import MPI
 
@@ -345,19 +349,17 @@ def find_section(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MouldAtWork:
-    """A mould cold and at work."""
+    """A mould in the cold and in the working condition."""
 
-    cold: Mould  #: as it is made; `cold.dimensions(z)` has its sizes at z, m
-    hot: Mould  #: as the strand meets it, likewise
+    cold: Mould  #: the cold mould; `cold.dimensions(z)` has its sizes at z, m
+    hot: Mould  #: the working mould, likewise
     displacement: WallDisplacement | None
-    """From sizes and taper of the case to the wall at work; None where the case gives the mould
-    at work."""
+    """From the case's sizes and taper to the working wall; None if the case gives that."""
     iterations: tuple[Turn, ...]
-    """Strand and tube of each iteration; the last `wall` has the temperatures (K) and the
-    stress of the copper."""
+    """Strand and tube by iteration; the last `wall` has temperatures (K) and copper stress."""
 
     def changes(self) -> dict[str, Any]:
-        """Return what `case.with_` takes to run in the wall at work; nothing where it is given."""
+        """Return the changes for `case.with_` to run in the working wall; none if it is given."""
         from castfem.model.wall_shape import WallShape
 
         if self.displacement is None:
@@ -368,12 +370,12 @@ class MouldAtWork:
 def mould_at_work(
     case: Case | str | Path, *, coupled: bool = False, comm: MPI.Intracomm | None = None
 ) -> MouldAtWork:
-    """Compute how heat distorts the copper tube of a mould, as `castfem mould --hot` (collective).
+    """Compute how heat distorts a mould's copper tube, like `castfem mould --hot` (collective).
 
     Args:
-        case: A case with [mould.tube], or what `load` takes.
-        coupled: Repeat strand and tube until they agree.
-        comm: Ranks of runs and tube; all when None.
+        case: A case with [mould.tube], or its path or name as for `load`.
+        coupled: Iterate strand and tube until they agree.
+        comm: Ranks of runs and tube; None for all.
 
     Raises:
         InputError: The case has no tube.

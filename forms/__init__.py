@@ -1,1 +1,1 @@
-"""Weak forms and kinematic measures as UFL; no solver, no file, no communicator in here."""
+"""Weak forms and kinematic measures in UFL, without solver, files or communicator."""

@@ -2,15 +2,16 @@
 
 The wall acts on the strand's surface by a traction t = -p n + tau, with n the unit normal of the
 wall (into it), p the contact pressure and tau the friction in the plane (r) and along the strand
-(s).  With d the gap, the distance to the wall along n, and sigma_n the stress of the solid along n,
+(s).  With d the gap, that is the distance to the wall along n, and sigma_n the stress of the solid
+along n,
 
     penalty (239)    p = K_p <-d>,
     Nitsche          p = <-sigma_n(u) - K_p d>,
 
-<.> the positive part.  Nitsche's is the unsymmetric variant (theta = 0) of Chouly, Hild and Renard
-(Math. Comp. 84 (2015) 1089) for a rigid wall: where contact is closed the pressure is the solid's
-own stress, and the gap, weighted with K_p = gamma E / h, is zero, not p / K_p.  Both laws lead to
-the same virtual work (274); they differ in p alone.
+where <.> is the positive part. Nitsche's method is the unsymmetric variant (theta = 0) of Chouly,
+Hild and Renard (Math. Comp. 84 (2015) 1089) for a rigid wall: where contact is closed the pressure
+is the solid's own stress, and the gap, weighted with K_p = gamma E / h, is zero instead of p / K_p.
+Both laws lead to the same virtual work (274) and differ only in p.
 
 The pressure laws take numbers, arrays and UFL expressions alike.
 
@@ -45,34 +46,37 @@ def nitsche_pressure(stiffness: Any, gap: Any, normal_stress: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class WallAction:
-    """What the wall does to a point of the surface, and how that changes with the motion."""
+    """Action of the wall on a point of the surface, with derivatives by the motion."""
 
-    traction: Expr  #: on the strand: x, y and along the strand (z, casting direction), (3,), Pa
-    by_pressure: Expr  #: its derivative by the pressure, slip held (3,)
-    by_slip: Expr  #: its derivative by the slip in the plane, along (-n_y, n_x), pressure held (3,)
+    #: traction on the strand: x, y and along the strand (z, casting direction), (3,), Pa
+    traction: Expr
+    by_pressure: Expr  #: its derivative with respect to the pressure at constant slip (3,)
+    #: its derivative with respect to the slip in the plane, along (-n_y, n_x), at constant pressure
+    #: (3,)
+    by_slip: Expr
     normal: Expr  #: unit normal n of the wall (2,)
     stiffness: Expr  #: dp / d(n . u): K_p where closed, 0 where open, Pa/m
-    #: -dp / d strain (4,), Mandel, Pa: Nitsche's share; None with the penalty
+    #: -dp / d strain (4,), Mandel, Pa, for Nitsche's method; None with the penalty
     by_strain: Expr | None = None
-    #: -dp / d angle at which the stress turns with the material, Pa; None likewise, and at small
-    #: strain
+    #: -dp / d angle by which the stress turns with the material, Pa; None with the penalty, and at
+    #: small strain
     by_turn: Expr | None = None
-    #: pressure of liquid at the surface, which `traction` has along the strand's own normal, Pa;
-    #: None where that does not turn, or no liquid is fed
+    #: pressure of liquid at the surface, which `traction` contains along the strand's own normal,
+    #: Pa; None if that does not turn, or no liquid is fed
     pool: Expr | None = None
 
 
 class Surface(Protocol):
-    """Geometry of the strand's surface: what an area of the wall acts on, and where."""
+    """Geometry of the strand's surface: area and position of its points."""
 
     def place(self) -> Expr:
-        """Where a point is, (2,)."""
+        """Position of a point, (2,)."""
 
     def length(self) -> Expr:
-        """Length in the plane now, over the undeformed one."""
+        """Present length in the plane, relative to the undeformed one."""
 
     def thickness(self) -> Expr:
-        """Of the slice there, over the undeformed one."""
+        """Thickness of the slice there, relative to the undeformed one."""
 
     def length_change(self, by: Direction) -> Expr:
         """Derivative of the length along a motion."""
@@ -84,10 +88,10 @@ class Surface(Protocol):
         """Derivative of the strand's unit normal along a motion, (2,)."""
 
     def place_change(self, by: Direction) -> Expr:
-        """Motion of the place: 0 where geometry is that of the undeformed slice."""
+        """Change of the position: 0 if the geometry is that of the undeformed slice."""
 
     def strain_change(self, by: Direction) -> tuple[Expr, Expr]:
-        """Strain increment the law sees, Mandel, and angle by which the stress turns."""
+        """Strain increment for the law, Mandel, and angle by which the stress turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +185,7 @@ class Deformed:
 
 
 def thickening(place: Expr, virtual: Direction) -> Expr:
-    """What a virtual motion adds to the thickness at a place, (37)."""
+    """Change of the thickness at a place by a virtual motion, (37)."""
     m = virtual.generalized_strains
     return m[0] + m[1] * place[0] + m[2] * place[1]
 
@@ -194,18 +198,19 @@ def in_plane(vector: Expr) -> Expr:
 def virtual_work(
     action: WallAction, surface: Surface, virtual: Direction, travel: Expr, ds: ufl.Measure
 ) -> ufl.Form:
-    """-Int t . v da, to be added to the work of the stress (274), with resistance to withdrawal.
+    """-Int t . v da, to be added to the work of the stress (274), with withdrawal resistance.
 
-    In the plane v is the motion's own, and the area that of the slice.  Along the strand, friction
-    of the wall over the travel L of a step is handed down the strand as withdrawal resistance (38),
-    N(z) = N(z - L) - L int tau_s ds, and a virtual thickening of the slice draws the strand above
-    it back by L times that; s is length of surface, whatever the slice's own thickness.
+    In the plane v is the motion's own, and the area that of the slice. Along the strand, the
+    friction of the wall over the travel L of a step is passed down the strand as withdrawal
+    resistance (38), N(z) = N(z - L) - L int tau_s ds, and a virtual thickening of the slice draws
+    the strand above it back by L times that; s is length of surface, whatever the slice's own
+    thickness.
 
     Args:
-        action: Of the wall.
-        surface: Geometry.
-        virtual: Motion v.
-        travel: L of the step, m.
+        action: Action of the wall.
+        surface: Geometry of the surface.
+        virtual: Virtual motion v.
+        travel: Travel L of the step, m.
         ds: Undeformed surface.
     """
     traction = action.traction

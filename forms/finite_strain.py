@@ -6,14 +6,15 @@ where the point is now, and J = e det F.  With sigma the Cauchy stress the virtu
 
     int J sigma : d dX,      d = [ sym(grad v F^-1), (variation of e) / e ],
 
-which for a virtual mode is the left of (38), the integral over the section as it is now.
+which for a virtual mode is the left-hand side of (38), the integral over the present section.
 
 Stress is updated objectively over a step (the thesis' (195)-(196), Jaumann, in the limit of small
-steps) by the midpoint rule of Hughes and Winget (Int. J. Numer. Meth. Engng 15 (1980) 1862): with
-G = (F - F_old) F_mid^-1 the strain increment is sym G and the spin w = (G_21 - G_12)/2.  The old
-stress is turned by the angle 2 atan(w/2), the strain increment, which belongs to the middle of the
-step, by half of it (without that the update is of first order where strain turns), and with both
-the law is integrated.  A rotation of any angle gives no strain, and its own angle exactly.
+steps) by the midpoint rule of Hughes and Winget (Int. J. Numer. Meth. Engng 15 (1980) 1862): with G
+= (F - F_old) F_mid^-1 the strain increment is sym G and the spin w = (G_21 - G_12)/2. The old
+stress is turned by the angle 2 atan(w/2). The strain increment belongs to the middle of the step
+and is turned by half of that angle (otherwise the update would be of first order where strain
+turns). The law is integrated with both. A rotation of any angle gives no strain, and exactly its
+own angle.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -29,16 +30,16 @@ from castfem.forms.mechanics import SQRT2, Direction, Expr, isotropic, mandel, t
 
 @dataclass(frozen=True, slots=True)
 class Deformation:
-    """Where the slice is."""
+    """Configuration of the slice."""
 
-    position: Expr  #: of the points now, (2,), m
-    gradient: Expr  #: F in the plane, (2, 2)
-    thickness: Expr  #: e, relative to the undeformed one
+    position: Expr  #: present position of the points, (2,), m
+    gradient: Expr  #: in-plane deformation gradient F, (2, 2)
+    thickness: Expr  #: thickness e, relative to the undeformed one
     generalized_strains: Expr  #: generalized strains, (4,)
 
 
 def deformation(u: Expr, generalized_strains: Expr, mesh: ufl.Mesh) -> Deformation:
-    """Deformation by the displacement u and the generalized strains `generalized_strains`."""
+    """Deformation from the displacement u and the generalized strains."""
     x = ufl.SpatialCoordinate(mesh)
     place = x + u + ufl.as_vector([0.0, generalized_strains[3] * x[1]])
     gradient = (
@@ -61,7 +62,7 @@ def thickening(at: Deformation, by: Direction) -> Expr:
 
 
 def second_thickening(one: Direction, other: Direction) -> Expr:
-    """Second variation of the thickness (the position enters it times the gradients)."""
+    """Second variation of the thickness, where the position is multiplied by the gradients."""
     return sum(
         one.generalized_strains[i + 1] * other.shift[i]
         + other.generalized_strains[i + 1] * one.shift[i]
@@ -75,7 +76,7 @@ def virtual_rate(at: Deformation, by: Direction) -> Expr:
 
 
 def increment(now: Deformation, old: Deformation) -> Expr:
-    """Strain increment D (Mandel), turned to the end of the step, and spin w: one vector (5,)."""
+    """Strain increment D (Mandel), turned to the end of the step, and spin w as one vector (5,)."""
     g, zz = _midpoint(now, old)
     spin = 0.5 * (g[1, 0] - g[0, 1])
     d = _rotated(mandel(g, zz), 0.5 * spin)
@@ -83,7 +84,7 @@ def increment(now: Deformation, old: Deformation) -> Expr:
 
 
 def _rotated(vector: Expr, tangent: Expr) -> Expr:
-    """Mandel vector turned by the angle whose tangent is given."""
+    """Mandel vector turned by an angle, given by its tangent."""
     c, s = (1.0 - tangent**2) / (1.0 + tangent**2), 2.0 * tangent / (1.0 + tangent**2)
     centre, half = 0.5 * (vector[0] + vector[1]), 0.5 * (vector[0] - vector[1])
     shear = vector[3] / SQRT2
@@ -104,7 +105,7 @@ def _turned(vector: Expr) -> Expr:
 
 
 def _change(now: Deformation, old: Deformation, by: Direction) -> tuple[Expr, Expr]:
-    """Variation of the strain increment before it is turned, turned, and of the angle."""
+    """Variations of the strain increment before and after it is turned, and of the angle."""
     g, zz = _midpoint(now, old)
     middle = 0.5 * (now.gradient + old.gradient)
     dg = (ufl.Identity(2) - 0.5 * g) * by.gradient * ufl.inv(middle)
@@ -116,16 +117,17 @@ def _change(now: Deformation, old: Deformation, by: Direction) -> tuple[Expr, Ex
 
 
 def law_change(now: Deformation, old: Deformation, by: Direction) -> tuple[Expr, Expr]:
-    """Variation of the strain increment but for its turning with the material, and of that angle.
+    """Variation of the strain increment without its turning with the material, and of that angle.
 
-    For an isotropic law d sigma = C : (the first) + (the second) times the stress' own turning.
+    For an isotropic law d sigma = C : (the first) + (the second) times the derivative of the stress
+    by rotation.
     """
     strain, angle = _change(now, old, by)
     return _with_material(now, old, strain, angle), angle
 
 
 def _with_material(now: Deformation, old: Deformation, strain: Expr, angle: Expr) -> Expr:
-    """Variation of the strain increment as the turning material sees it."""
+    """Variation of the strain increment in the frame that turns with the material."""
     return strain - 0.5 * angle * _turned(ufl.as_vector([*increment(now, old)][:4]))
 
 
@@ -135,7 +137,7 @@ def volume_change(now: Deformation, old: Deformation, by: Direction) -> Expr:
 
 
 def volume_rate(at: Deformation, virtual: Direction) -> Expr:
-    """J tr d of a virtual motion: what the mean stress works on, per undeformed area."""
+    """J tr d of a virtual motion: the work conjugate of the mean stress, per undeformed area."""
     return ufl.det(at.gradient) * at.thickness * trace(virtual_rate(at, virtual))
 
 
@@ -147,7 +149,7 @@ def virtual_work(
     dx_deviator: ufl.Measure,
     dx_mean: ufl.Measure,
 ) -> ufl.Form:
-    """Int J sigma : d dX, see the module; the arguments as in `forms.mechanics.virtual_work`."""
+    """Int J sigma : d dX, see the module; arguments as for `forms.mechanics.virtual_work`."""
     rate = virtual_rate(at, virtual)
     volume = ufl.det(at.gradient) * at.thickness
     shape = volume * ufl.inner(deviator, rate) * dx_deviator
@@ -173,21 +175,22 @@ def stiffness(
     virtual: Direction,
     measures: tuple[ufl.Measure, ufl.Measure],
 ) -> ufl.Form:
-    """Derivative of `virtual_work`, consistent with the step, but for the change of mean stress.
+    """Derivative of `virtual_work`, consistent with the step, without the change of mean stress.
 
-    For an isotropic law, whose answer turns with stress and strain,
+    For an isotropic law, whose response turns with stress and strain,
 
         d sigma = C : (dD - dW D + D dW) + dW sigma - sigma dW,      dW the spin of the variation,
 
-    where dD itself contains half of dW D - D dW.  The mean stress changes with the change of volume
-    of its cell: to this comes int K P(`volume_change`) P(`volume_rate`), see `forms.mechanics`.
+    where dD itself contains half of dW D - D dW. The mean stress changes with the change of volume
+    of its cell, which adds the term int K P(`volume_change`) P(`volume_rate`), see
+    `forms.mechanics`.
 
     Args:
-        now: At the end of the step.
-        old: At its start.
+        now: Deformation at the end of the step.
+        old: Deformation at its start.
         material: Deviatoric tangent (4, 4), stress deviator, mean stress, and ferrostatic pressure
             or None.
-        by: Motion.
+        by: Motion of the derivative.
         virtual: Virtual motion.
         measures: For the deviator and for the mean stress.
     """
@@ -205,7 +208,7 @@ def stiffness(
 def pressure_work(
     at: Deformation, pressure: Expr, v: Expr, mesh: ufl.Mesh, ds: ufl.Measure
 ) -> ufl.Form:
-    """Int -p n . v over the surface as it is now, pulled back (Nanson)."""
+    """Int -p n . v over the present surface, pulled back (Nanson)."""
     size = ufl.det(at.gradient) * at.thickness
     normal = ufl.inv(at.gradient).T * ufl.FacetNormal(mesh)
     return -pressure * size * ufl.inner(normal, v) * ds

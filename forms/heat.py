@@ -4,12 +4,12 @@ The heat balance (23) reads dH/dt = div(k grad T) in the slice, with the enthalp
 (24), and k dT/dn = -q on its surface, q being the heat flux that leaves the strand (30)-(36).  With
 the conduction integral theta(T) = int k dT (Kirchhoff) the flux is grad theta exactly.
 
-All integrals of the enthalpy form use the vertex rule: storage becomes one number per vertex, on
-rectangles (any aspect ratio) and on Delaunay triangles conduction becomes an M-matrix, and with
-both the discrete temperature of backward Euler obeys the maximum principle whatever the step: a
-sudden cooling cannot make it oscillate in space (the numerical thermal shock of VI.3.2).  Other
-quadrilaterals, as they stand round an arc, give the matrix some positive entries off its diagonal,
-and the principle holds there but for what they let through.
+All integrals of the enthalpy form use the vertex rule: storage becomes one number per vertex, and
+on rectangles (of any aspect ratio) and Delaunay triangles conduction becomes an M-matrix. With both
+the discrete temperature of backward Euler obeys the maximum principle for any step: sudden cooling
+cannot make it oscillate in space (the numerical thermal shock of VI.3.2). Other quadrilaterals,
+such as those along an arc, give some positive off-diagonal entries, with which the principle holds
+only approximately.
 
 On curved cells (second-order geometry) the vertex rule would make areas and arcs too large, by 5 %
 with two cells round a corner: there a vertex gets the integral of its test function.
@@ -22,8 +22,8 @@ from __future__ import annotations
 import ufl
 
 VERTEX_RULE = {"quadrature_rule": "vertex", "quadrature_degree": 1}
-CURVED_AREA = {"quadrature_degree": 6}  # exact: test function times det J of a second-order cell
-CURVED_LENGTH = {"quadrature_degree": 14}  # of an arc of 45 degrees to ten digits
+CURVED_AREA = {"quadrature_degree": 6}  # exact for test function times det J of a second-order cell
+CURVED_LENGTH = {"quadrature_degree": 14}  # ten digits for an arc of 45 degrees
 
 
 def slice_measure(mesh: ufl.Mesh) -> ufl.Measure:
@@ -32,34 +32,34 @@ def slice_measure(mesh: ufl.Mesh) -> ufl.Measure:
 
 
 def storage_measure(mesh: ufl.Mesh, curved: bool) -> ufl.Measure:
-    """Area measure for the vertices' shares of the slice: exact, whatever the cells.
+    """Area measure for the integrals of the test functions, exact for all cells.
 
     Args:
         mesh: The mesh.
-        curved: Whether its cells are.
+        curved: Whether its cells are curved.
     """
     return ufl.Measure("dx", domain=mesh, metadata=CURVED_AREA if curved else VERTEX_RULE)
 
 
 def surface_measure(mesh: ufl.Mesh, facet_tags: object, curved: bool = False) -> ufl.Measure:
-    """Perimeter measure for the vertices' shares, split by the tags of the boundary groups.
+    """Perimeter measure for the integrals of the test functions, split by boundary group.
 
     Args:
         mesh: The mesh.
-        facet_tags: Tags of the groups.
-        curved: Whether its facets are, or have become so by moving.
+        facet_tags: Tags of the boundary groups.
+        curved: Whether its facets are curved, also by deformation.
     """
     rule = CURVED_LENGTH if curved else VERTEX_RULE
     return ufl.Measure("ds", domain=mesh, subdomain_data=facet_tags, metadata=rule)
 
 
 def storage(amount: ufl.core.expr.Expr, v: ufl.Argument, dx: ufl.Measure) -> ufl.Form:
-    """Int amount v dx: what is stored per volume, tested (left of (23))."""
+    """Int amount v dx: weak form of an amount stored per volume (left-hand side of (23))."""
     return amount * v * dx
 
 
 def conduction(theta: ufl.core.expr.Expr, v: ufl.Argument, dx: ufl.Measure) -> ufl.Form:
-    """Int grad theta . grad v dx: conduction (right of (23)) by the conduction integral theta, W/m.
+    """Int grad theta . grad v dx: conduction by its integral theta (right of (23)), W/m.
 
     Args:
         theta: Conduction integral, W/m (or the trial function of the constant operator).
@@ -76,14 +76,14 @@ def conduction_moved(
     gradient: ufl.core.expr.Expr,
     thickness: ufl.core.expr.Expr,
 ) -> ufl.Form:
-    """Int e grad theta . grad v da over the slice as it is now, pulled back: conduction, W/m.
+    """Int e grad theta . grad v da over the present slice, pulled back: conduction, W/m.
 
     Args:
         theta: Conduction integral, W/m.
         v: Test function.
         dx: Area measure of the undeformed slice.
-        gradient: F, in-plane deformation gradient (2, 2).
-        thickness: e, of the slice, relative to the undeformed one.
+        gradient: In-plane deformation gradient F (2, 2).
+        thickness: Thickness e of the slice, relative to the undeformed one.
     """
     pull = ufl.inv(gradient).T
     area = thickness * ufl.det(gradient)
@@ -93,19 +93,19 @@ def conduction_moved(
 def surface_stretch(
     gradient: ufl.core.expr.Expr, thickness: ufl.core.expr.Expr, normal: ufl.core.expr.Expr
 ) -> ufl.core.expr.Expr:
-    """Surface of the slice as it is now over that of the undeformed one, e det F |F^-T N| (Nanson).
+    """Present surface of the slice over the undeformed one, e det F |F^-T N| (Nanson).
 
     Args:
-        gradient: F (2, 2).
-        thickness: e, relative to the undeformed one.
-        normal: N, outward on the undeformed surface.
+        gradient: Deformation gradient F (2, 2).
+        thickness: Thickness e, relative to the undeformed one.
+        normal: Outward normal N of the undeformed surface.
     """
     turned = ufl.inv(gradient).T * normal
     return thickness * ufl.det(gradient) * ufl.sqrt(ufl.inner(turned, turned))
 
 
 def surface_heat(flux: ufl.core.expr.Expr, v: ufl.Argument, ds: ufl.Measure) -> ufl.Form:
-    """Int q v ds: heat flux q (W/m2) that leaves the strand through the surface (30)-(36)."""
+    """Int q v ds: heat flux q (W/m2) out of the strand through its surface (30)-(36)."""
     return flux * v * ds
 
 
@@ -121,8 +121,8 @@ def residual_enthalpy(
 ) -> ufl.Form:
     """Enthalpy form (23) of one implicit stage: H - H_base = step div grad theta, with the flux q.
 
-    H, theta and q are functions of one nodal unknown; differencing H over the step (never c times
-    dT) is what makes the heat exact for any step.
+    H, theta and q are functions of one nodal unknown; using differences of H over the step (never c
+    times dT) makes the heat balance exact for any step.
     """
     return storage(enthalpy - enthalpy_base, v, dx) + step * (
         conduction(theta, v, dx) + surface_heat(flux, v, ds)

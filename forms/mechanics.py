@@ -1,6 +1,6 @@
 """Weak forms of the slice in generalized plane strain, small strain (thesis III.1-III.3).
 
-The slice lies between two planes whose distance is e(x, y) = a0 + a1 x + a2 y (37).  Beside the
+The slice lies between two planes whose distance is e(x, y) = a0 + a1 x + a2 y (37). Besides the
 displacement in its plane it has up to four scalar degrees of freedom, the generalized strains:
 
     a0 - 1, a1, a2   strain of the thickness at the origin and its gradients (1, 1/m, 1/m),
@@ -9,13 +9,13 @@ displacement in its plane it has up to four scalar degrees of freedom, the gener
 A `Direction` is any motion of both kinds, real or virtual; work and stiffness are written once for
 it, and give the rows and columns of the nodal displacements and of the generalized strains.
 
-Stress and strain are Mandel vectors [xx, yy, zz, sqrt(2) xy].  The stress deviator is integrated
-with one rule and the mean stress with a poorer one: with a mean stress in every point of the full
-rule, cells of second order lock where flow leaves the volume unchanged.  On each cell mean stress,
-pressure and change of volume are linear in x and y (docs/mechanics.md): the fields of the forms are
-so, and the law sees a strain whose trace is.  In the stiffness that makes products of integrals
-over a cell, int K P(tr eps(u)) P(tr eps(v)), P the projection on 1, x, y; UFL cannot say them, they
-are added to these forms cell by cell (`castfem.physics.mechanics.volume`).
+Stress and strain are Mandel vectors [xx, yy, zz, sqrt(2) xy]. The stress deviator is integrated
+with one rule and the mean stress with a lower one: with a mean stress at every point of the full
+rule, second-order cells lock where flow leaves the volume unchanged. On each cell mean stress,
+pressure and change of volume are linear in x and y (docs/mechanics.md), and the law gets a strain
+with this trace. In the stiffness this leads to products of integrals over a cell, int K P(tr
+eps(u)) P(tr eps(v)), with P the projection on 1, x, y; UFL cannot express them, so they are added
+to these forms cell by cell (`castfem.physics.mechanics.volume`).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -34,7 +34,7 @@ GENERALIZED_STRAINS = ("a0", "a1", "a2", "across")
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """How the slice moves, per unit of whatever parameter moves it."""
+    """Motion of the slice, per unit of any parameter."""
 
     gradient: Expr  #: gradient of the displacement in the plane, (2, 2)
     shift: Expr  #: displacement in the plane, (2,), m
@@ -87,7 +87,7 @@ def isotropic(mean: Expr, pressure: Expr | None = None) -> Expr:
 def virtual_work(
     deviator: Expr, stress: Expr, virtual: Expr, dx_deviator: ufl.Measure, dx_mean: ufl.Measure
 ) -> ufl.Form:
-    """Int sigma : eps(v): forces in the plane for a nodal v, else the left of (38).
+    """Int sigma : eps(v): nodal forces for a nodal v, otherwise the left-hand side of (38).
 
     Args:
         deviator: Stress deviator at the points of `dx_deviator`.
@@ -100,7 +100,7 @@ def virtual_work(
 
 
 def stiffness(tangent: Expr, change: Expr, virtual: Expr, dx_deviator: ufl.Measure) -> ufl.Form:
-    """Int (C eps(u)) : eps(v), the derivative of `virtual_work` but for the change of volume.
+    """Int (C eps(u)) : eps(v), the derivative of `virtual_work` without the change of volume.
 
     Args:
         tangent: Deviatoric part of the material's tangent (4, 4).

@@ -1,11 +1,11 @@
-"""Weak forms of a mould at work: heat through its copper, and how that distorts it.
+"""Weak forms of a hot mould: heat conduction in its copper, and thermal distortion.
 
 Steady heat conduction, div(k(T) grad T) = 0, with the conduction integral theta(T) = int k dT
 (Kirchhoff) as the unknown, so that k may depend on T and the operator stays symmetric:
 
     int grad theta . grad v dx + int h (T(theta) - T_w) v ds_w = int q v ds_h     (conduction)
 
-q is what the strand gives off to the hot face, h and T_w are those of the cooling water.
+q is the heat flux from the strand into the hot face; h and T_w belong to the cooling water.
 
 Small-strain thermoelasticity of an isotropic body [Boley1960], weak form of div sigma = 0:
 
@@ -13,7 +13,7 @@ Small-strain thermoelasticity of an isotropic body [Boley1960], weak form of div
     eps_T = int_{T_cold}^{T} alpha dT                                    (thermal strain)
     int 2 mu eps(u) : eps(v) + lambda div u div v dx = int (3 lambda + 2 mu) eps_T div v dx
 
-The same model as that of V.2.4 of [Pascon2003], which says no more of it than "3D thermo-elastic".
+This is the model of V.2.4 of [Pascon2003], which only calls it "3D thermo-elastic".
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ def conduction(theta: Expr, v: ufl.Argument, dx: ufl.Measure) -> ufl.Form:
 def to_water(
     coefficient: Expr, temperature: Expr, water: Expr, v: ufl.Argument, ds: ufl.Measure
 ) -> ufl.Form:
-    """Int h (T - T_w) v ds: heat that the water takes away, W.
+    """Int h (T - T_w) v ds: heat to the water, W.
 
     Args:
-        coefficient: h, W/(m2 K).
-        temperature: T of the copper there, K.
-        water: T_w, K.
+        coefficient: Heat transfer coefficient h, W/(m2 K).
+        temperature: Temperature T of the copper there, K.
+        water: Temperature T_w of the water, K.
         v: Test function.
         ds: Surface of the water side.
     """
@@ -44,7 +44,7 @@ def to_water(
 
 
 def from_strand(flux: Expr, v: ufl.Argument, ds: ufl.Measure) -> ufl.Form:
-    """Int q v ds: heat that the strand gives off, W; q in W/m2."""
+    """Int q v ds: heat from the strand, W; q in W/m2."""
     return flux * v * ds
 
 
@@ -66,9 +66,9 @@ def stress(u: Expr, thermal_strain: Expr, youngs_modulus: Expr, poisson: Expr) -
 
     Args:
         u: Displacement, m.
-        thermal_strain: eps_T.
-        youngs_modulus: E, Pa.
-        poisson: nu.
+        thermal_strain: Thermal strain eps_T.
+        youngs_modulus: Young's modulus E, Pa.
+        poisson: Poisson's ratio nu.
     """
     first, second = lame(youngs_modulus, poisson)
     eps, one = strain(u), ufl.Identity(3)
@@ -88,6 +88,6 @@ def stiffness(
 def thermal_load(
     v: ufl.Argument, thermal_strain: Expr, youngs_modulus: Expr, poisson: Expr, dx: ufl.Measure
 ) -> ufl.Form:
-    """Int (3 lambda + 2 mu) eps_T div v dx: what the heat does, N."""
+    """Int (3 lambda + 2 mu) eps_T div v dx: thermal load, N."""
     first, second = lame(youngs_modulus, poisson)
     return (3.0 * first + 2.0 * second) * thermal_strain * ufl.div(v) * dx

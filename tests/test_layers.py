@@ -44,7 +44,7 @@ def test_every_package_has_its_place(packages: ModuleType) -> None:
 
 
 def test_every_package_is_named_by_help(packages: ModuleType) -> None:
-    listed = (castfem.__doc__ or "").partition("What there is")[2]
+    listed = (castfem.__doc__ or "").partition("Packages, upstream first")[2]
     parts = {part for name in packages.ORDER for part in name.split(".")}
     assert set(re.findall(r"[a-z_]+", listed)) >= parts
 

@@ -1,1 +1,1 @@
-"""What every part uses: log, progress, stopwatch, messages, files written whole."""
+"""Common tools: units, tables, files, log, progress, stopwatch, errors."""

@@ -1,8 +1,8 @@
-"""Writing files so that a reader never finds half of one, and a full disk is said plainly.
+"""Atomic writing of files, with a clear error for a full disk.
 
-Every file that is rewritten during a run goes through `replacing`: the new text is put beside the
-old one, forced to disk, and takes its name in one step. A run that is killed at any moment leaves
-the old file or the new one.
+Every file that is rewritten during a run goes through `replacing`: the new text is written beside
+the old one, flushed to disk, and renamed. A run that is killed at any moment leaves the old file or
+the new one.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 
 
 class Closing(ABC):
-    """Closes itself at the end of a `with`, whatever has happened in it."""
+    """Base of objects that are closed at the end of a `with` block, also after an error."""
 
     @abstractmethod
     def close(self) -> None:
-        """Release what is held; safe to call twice."""
+        """Release the resources; may be called twice."""
 
-    def leave(self, error: BaseException) -> None:  # noqa: B027 - most have nothing to add
-        """Take note of the error that ends the `with`, before closing."""
+    def leave(self, error: BaseException) -> None:  # noqa: B027 - optional
+        """Record the error that ends the `with`, before closing."""
 
     def __enter__(self) -> Self:
         return self
@@ -57,22 +57,22 @@ class Closing(ABC):
             self.close()
 
 
-UNWRITTEN = "cannot be written"  # stands in the reason of a run that ends so
+UNWRITTEN = "cannot be written"  # part of the reason of a run that ends for this
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _NO_RIGHT = (errno.EACCES, errno.EPERM, errno.EROFS)
 _NO_PLACE = (errno.ENOENT, errno.ENOTDIR)
-_AGAIN = ", and give the command again (a run goes on with --resume)"
+_AGAIN = ", and give the command again (--resume continues a run)"
 
 
 def temporary_name(path: Path) -> Path:
-    """The name beside `path` under which its next version is written."""
+    """Name beside `path` under which the next version is written."""
     return path.with_name(f".{path.name}.tmp")
 
 
 def system_reason(error: BaseException) -> tuple[int | None, str]:
-    """The errno and the operating system's words behind an error.
+    """Return errno and message of the operating system behind an error.
 
-    h5py often hides both inside HDF5's own message ("errno = 28, error message = '...'").
+    h5py often hides both in HDF5's own message ("errno = 28, error message = '...'").
     """
     number = getattr(error, "errno", None)
     hidden = re.search(r"errno = (\d+)", str(error))
@@ -84,13 +84,13 @@ def system_reason(error: BaseException) -> tuple[int | None, str]:
 
 
 def folder_refused(folder: Path, error: BaseException) -> str:
-    """What is said of a folder that cannot be written, before anything is run in it."""
+    """Message for a folder that cannot be written, before anything is run in it."""
     _, reason = system_reason(error.__cause__ or error)
     return f"{folder}: {UNWRITTEN} ({reason}); choose another with -o"
 
 
 def fix_for(number: int | None) -> str:
-    """What the user can do about an operating system error while a run writes."""
+    """Advice on an operating system error while a run writes."""
     if number in _NO_SPACE:
         return f"free some space{_AGAIN}"
     if number in _NO_RIGHT:
@@ -102,7 +102,7 @@ def fix_for(number: int | None) -> str:
 
 @contextmanager
 def saving(path: Path) -> Iterator[None]:
-    """Turns any operating system or HDF5 error inside into a RunFailure of one line with the fix.
+    """Convert any operating system or HDF5 error into a RunFailure of one line with the fix.
 
     Raises:
         CannotWrite: The file cannot be written.
@@ -118,14 +118,14 @@ def saving(path: Path) -> Iterator[None]:
 
 @contextmanager
 def replacing(path: Path, durable: bool = True) -> Iterator[Path]:
-    """Gives a temporary path beside `path`, which takes its name when the block has ended well.
+    """Yield a temporary path beside `path` that is renamed to it when the block has succeeded.
 
     Args:
         path: The file to write or to replace.
-        durable: Force the new content to disk first, so that it survives a power cut too.
+        durable: Flush the new content to disk first, so that it also survives a power failure.
 
     Raises:
-        RunFailure: The file cannot be written; the old one is untouched.
+        RunFailure: The file cannot be written; the old one is unchanged.
     """
     temporary = temporary_name(path)
     with saving(path):
@@ -143,29 +143,29 @@ def replacing(path: Path, durable: bool = True) -> Iterator[Path]:
 
 
 class GrowingFile:
-    """A text file that grows before its last line and is complete whenever somebody reads it.
+    """A text file that grows before its last line and is complete for every reader at any time.
 
-    Two copies take turns: the hidden one is brought up to date at its end and takes the name of the
-    other. The cost of a version is that of the added text, not of the whole.
+    Two copies take turns: the hidden one is updated at its end and renamed over the other. The cost
+    of a version is that of the added text, not of the whole.
     """
 
     def __init__(self, path: Path, head: str, foot: str) -> None:
-        """Holds the text; nothing is written before the first `publish`."""
+        """Store the text; nothing is written before the first `publish`."""
         self._path = path
         self._body = bytearray(head.encode())
         self._foot = foot.encode()
-        self._visible = 0  # bytes of the body in the file that has the name; 0: not ours
-        self._hidden = 0  # and in the copy; 0: there is none
+        self._visible = 0  # bytes of the body in the visible file; 0: not written here
+        self._hidden = 0  # bytes of the body in the copy; 0: no copy
 
     def extend(self, text: str) -> None:
-        """Adds text before the foot; `publish` shows it."""
+        """Add text before the foot; `publish` writes it."""
         self._body += text.encode()
 
     def publish(self, durable: bool = False) -> None:
-        """Makes the whole text the content of the file, in one step.
+        """Make the whole text the content of the file, atomically.
 
         Args:
-            durable: Force it to disk, so that it survives a power cut too.
+            durable: Flush it to disk, so that it also survives a power failure.
         """
         copy = temporary_name(self._path)
         link = self._path.with_name(f"{copy.name}2")
@@ -194,17 +194,17 @@ class GrowingFile:
             self._visible = len(self._body)
 
     def close(self) -> None:
-        """Removes the hidden copy."""
+        """Remove the hidden copy."""
         self._hidden = 0
         with suppress(OSError):
             temporary_name(self._path).unlink()
 
 
 class AppendedFile(Closing):
-    """A file that grows by whole pieces: one that a full disk or a kill cuts off is not in it.
+    """A file that grows by whole pieces: a piece cut off by a full disk or a kill is removed.
 
     Raises:
-        CannotWrite: It cannot be opened, and so of its methods.
+        CannotWrite: The file cannot be opened; also raised by the methods.
     """
 
     def __init__(self, path: Path) -> None:
@@ -214,25 +214,25 @@ class AppendedFile(Closing):
 
     @property
     def is_open(self) -> bool:
-        """Whether it has not been closed."""
+        """Whether it is still open."""
         return self._handle >= 0
 
     def append(self, piece: bytes) -> None:
-        """Adds a piece, which goes to the operating system at once."""
+        """Add a piece, which is passed to the operating system at once."""
         with saving(self._path):
             before = os.fstat(self._handle).st_size
-            if os.write(self._handle, piece) != len(piece):  # the disk was full in the middle
+            if os.write(self._handle, piece) != len(piece):  # the disk became full
                 os.ftruncate(self._handle, before)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def sync(self) -> None:
-        """Forces the file to disk: a state that outlives a power cut must not lack its pieces."""
+        """Flush the file to disk: a saved state must not lack its pieces after a power failure."""
         if self.is_open:
             with saving(self._path):
                 os.fsync(self._handle)
 
     def close(self) -> None:
-        """Closes the file; nothing is lost without it."""
+        """Close the file; without it nothing is lost."""
         if self.is_open:
             with suppress(OSError):
                 os.fsync(self._handle)
@@ -241,25 +241,25 @@ class AppendedFile(Closing):
 
 
 def write_text(path: Path, text: str, durable: bool = True) -> None:
-    """Writes a text file atomically (see `replacing`)."""
+    """Write a text file atomically (see `replacing`)."""
     with replacing(path, durable) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Writes JSON atomically; NaN and infinities become null, numpy values plain ones."""
+    """Write JSON atomically; NaN and infinities become null, numpy values plain ones."""
     write_text(path, json.dumps(plain(content), indent=2, ensure_ascii=False) + "\n")
 
 
 def write_csv(path: Path, rows: Iterable[Iterable[Any]], *, durable: bool = True) -> None:
-    """Writes rows of CSV atomically; see `write_text`."""
+    """Write rows of CSV atomically; see `write_text`."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     write_text(path, text.getvalue(), durable=durable)
 
 
 def plain(value: Any) -> Any:
-    """A copy of a nested value that standard JSON can hold (NaN and infinities as None)."""
+    """Copy a nested value into types of standard JSON (NaN and infinities as None)."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -274,7 +274,7 @@ def plain(value: Any) -> Any:
 
 
 def _force_to_disk(path: Path) -> None:
-    """The fsync of a file or a folder; a file system that cannot do it for a folder is let be."""
+    """Flush a file or folder to disk; skipped if the file system cannot do it for folders."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -285,22 +285,21 @@ def _force_to_disk(path: Path) -> None:
         os.close(handle)
 
 
-# What flock() answers where there are none; the last is ENOTSUPP, which has no name in Python.
+# Errors of flock() on file systems without locks; ENOTSUPP has no name in Python.
 _NONE = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, 524}
 
 
 def taken(lock: FileLock) -> bool:
-    """Whether the lock was taken; False where the file system has none, as on some network mounts.
+    """Take a lock and return True; False if the file system has no locks (some network mounts).
 
-    There processes cannot be kept apart, and what they write has to do: that is no fault of the
-    run, which must write its results there, too.
+    There processes cannot be kept apart, but a run must be able to write its results.
 
     Args:
-        lock: Of filelock; a `timeout` of 0 does not wait, any other waits as long as it takes.
+        lock: Lock of filelock; a `timeout` of 0 does not wait, any other waits without limit.
 
     Raises:
         filelock.Timeout: Another process has it.
-        OSError: The lock cannot be had for another reason.
+        OSError: The lock cannot be taken for another reason.
     """
     from filelock import Timeout
 
@@ -313,9 +312,9 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except NotImplementedError:  # no failure: so filelock before 4 says there are no locks
+        except NotImplementedError:  # filelock before 4 reports missing locks in this way
             return False
-        except OSError as error:  # from version 4 on the answer of flock() itself
+        except OSError as error:  # from version 4 on the error of flock() itself
             if error.errno in _NONE:
                 return False
             error.filename = error.filename or lock.lock_file
@@ -325,9 +324,9 @@ def taken(lock: FileLock) -> bool:
 
 
 def _has_locks(path: Path) -> bool:
-    """Whether files may be locked there.
+    """Whether files can be locked there.
 
-    filelock before version 4 takes any other answer for a lock of others.
+    filelock before version 4 takes any other error for a lock held by others.
     """
     with open(path, "ab") as file:
         try:

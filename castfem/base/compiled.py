@@ -1,9 +1,9 @@
-"""Functions that numba compiles, kept on disk so that the next run need not compile them again.
+"""Functions compiled by numba and cached on disk for later runs.
 
-By itself numba keeps it beside the file of the function that Python calls, and does not notice a
-change of what this function calls from other files. Here it is kept in the user's cache, in a
-folder named by a digest of all that is compiled together: every change is noticed, and all
-checkouts and installations with the same text share one compilation.
+numba itself caches beside the file of the function called from Python, and does not notice changes
+in functions from other files. Here the cache is in the user's cache folder, named by a digest of
+all source that is compiled together: every change is noticed, and all installations with the same
+source share one compilation.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from numba.extending import is_jitted
 from castfem.base.libraries import cache_folder
 from castfem.base.log import logger
 
-# Divisions follow IEEE instead of raising; fastmath stays off, since it would let the compiler
-# assume that no NaN and no infinity exists, which the tests must be able to see.
+# Divisions follow IEEE instead of raising; fastmath is off, since it would assume that NaN and
+# infinity do not exist, which the code tests for.
 OPTIONS = {"nogil": True, "error_model": "numpy"}
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile what other compiled functions alone call: on disk it is a part of these."""
+    """Compile a function that only compiled functions call; it is cached as a part of these."""
     return numba.njit(**OPTIONS)(function)
 
 
 def outermost(function: Callable[..., Any]) -> Any:
-    """Compile what Python calls, keeping the result on disk where that is possible."""
+    """Compile a function that Python calls, with the result cached on disk if possible."""
     found = numba.njit(**OPTIONS)(function)
-    with suppress(OSError):  # no text of the sources: compiled in each process
-        found._cache = _Kept(function)  # what njit(cache=True) does, with folder and care of ours
+    with suppress(OSError):  # no source text: compiled in each process
+        found._cache = _Kept(function)  # as njit(cache=True) does, with our own folder
     return found
 
 
 class _Locator:
-    """Tells numba in which folder a function is kept, by numba's names."""
+    """Tells numba the cache folder of a function, through numba's interface."""
 
     def __init__(self, function: Any) -> None:
         self._digest = _digest(function)
@@ -69,33 +69,33 @@ class _Storage(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class _Kept(FunctionCache):  # type: ignore[misc]
-    """What numba keeps on disk: damaged files are compiled anew, a full disk keeps nothing."""
+    """numba's cache on disk: damaged files are compiled again, on a full disk nothing is stored."""
 
     _impl_class = _Storage
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What was compiled for a signature; None if it is not there, or cannot be read."""
+        """Return the compiled code of a signature; None if it is missing or cannot be read."""
         try:
             found = super().load_overload(sig, target_context)
             if found is not None and found.signature.args != normalize_signature(sig)[0]:
                 raise ValueError("compiled for other types by a process at the same time")
             return found
-        except Exception as error:  # reason: numba lets through whatever pickle meets in a file
-            logger.debug("%s: damaged (%s), compiled anew", self.cache_path, error)
+        except Exception as error:  # reason: numba passes on any pickle error
+            logger.debug("%s: damaged (%s), compiled again", self.cache_path, error)
             with suppress(OSError):
                 self.flush()
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled, where that is possible."""
+        """Store compiled code, if possible."""
         with suppress(OSError):
             super().save_overload(sig, data)
 
 
 def _digest(function: Any) -> str:
-    """Digest of the text of its file and of the files of what it calls.
+    """Digest of the source files of a function and of all it calls.
 
-    And of their constants, which may come from any file, of the options and of numba.
+    Constants, which may come from any file, options and numba's version are included.
     """
     files, constants = set[str](), set[str]()
     seen, waiting = set[Any](), [function]

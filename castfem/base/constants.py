@@ -1,24 +1,24 @@
-"""Constants of nature and of units; when two positions or instants are the same."""
+"""Physical constants, and tolerances for equal positions and times."""
 
 from __future__ import annotations
 
 ZERO_CELSIUS = 273.15  # K
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/m2K4, CODATA 2018
 ZERO_STRENGTH = 0.75
-"""Solid fraction at which steel has no strength yet, at its zero strength temperature [M]."""
+"""Solid fraction at the zero strength temperature of steel [M]."""
 
 
 ROUNDING = 1e-9
-"""Of a length or a time: how far two that were given or written down as one may differ."""
+"""Tolerance on lengths or times that were given or written to a file."""
 EXACT = 1e-12
-"""Of the whole: how far two that castfem computed as one may differ."""
+"""Tolerance, relative to the whole, on times or positions that castfem has computed."""
 
 
 def same_instant(one: float, other: float, whole: float) -> bool:
-    """Whether two instants of a run, or positions in it, of length `whole` are the same."""
+    """Whether two times (or positions) of a run of length `whole` are equal."""
     return abs(one - other) <= EXACT * whole
 
 
 def same_or_before(time: float, limit: float) -> bool:
-    """Whether a time that was read from a file is not after `limit`, both s."""
+    """Whether a time read from a file is not after `limit`, both s."""
     return bool(time <= limit + ROUNDING * max(1.0, abs(limit)))

@@ -1,13 +1,11 @@
 """CSV files whose header names each column and its unit: `temperature [degC], value [MPa]`.
 
-Blank lines, rows without a filled cell and lines that begin with # are passed over, and so are
-empty columns at the right. Columns are separated by commas or, if the header is, by semicolons or
-tabs; a first line `sep=;`, as Excel writes it, names another separator. A cell in quotes may hold
-any.
+Blank lines, rows without a filled cell, lines that begin with # and empty columns at the right are
+skipped. Columns are separated by commas or, if the header is, by semicolons or tabs; a first line
+`sep=;`, as written by Excel, names another separator. A quoted cell may contain any of these.
 
-Between semicolons or tabs a number may have a decimal comma, "3,6" or "3,6 m/min", and is handed on
-with a point. Whether the comma or the point is the decimal mark is decided once for the file;
-thousands separators are refused.
+Between semicolons or tabs a number may have a decimal comma, "3,6" or "3,6 m/min"; it is returned
+with a point. The decimal mark is determined once per file; thousands separators are refused.
 """
 
 from __future__ import annotations
@@ -22,24 +20,24 @@ DECIMAL_COMMAS = "numbers with decimal commas need semicolons between the column
 _NUMBER = re.compile(r"[+-]?(?=[.,]?\d)([\d.,]+)(?:[eE][+-]?\d+)?(?=\s|$)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}(?=\s|$)")  # or three decimals
 _EXCEL = re.compile(r'\s*"?sep=(.)"?\s*', re.IGNORECASE)
-_NO_UNIT = "-"  # what castfem writes for a number without unit
+_NO_UNIT = "-"  # castfem's unit of a dimensionless number
 
 
 class UnreadableError(ValueError):
-    """A file cannot be read; the text says why, without its name."""
+    """A file cannot be read; the text gives the reason without the file name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Head of a column."""
+    """Header of a column."""
 
-    text: str  #: as it stands in the file
+    text: str  #: as in the file
     name: str  #: without the unit
-    unit: str  #: empty where none is given, or "-"
+    unit: str  #: empty if none is given, or "-"
 
     @classmethod
     def of(cls, cell: str) -> Heading:
-        """Return the head in a cell, `name [unit]`."""
+        """Return the header from a cell, `name [unit]`."""
         name, _, rest = cell.partition("[")
         unit = rest.rpartition("]")[0].strip()
         return cls(cell, name.strip(), "" if unit == _NO_UNIT else unit)
@@ -47,32 +45,31 @@ class Heading:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row under the header."""
+    """A row below the header."""
 
-    line: int  #: its number in the file, from 1
-    cells: tuple[str, ...]  #: texts without the blanks around them
+    line: int  #: its line number in the file, from 1
+    cells: tuple[str, ...]  #: texts without surrounding blanks
 
 
 @dataclass(frozen=True, slots=True)
 class CsvFile:
-    """What stands in a file."""
+    """Content of a file."""
 
-    headings: tuple[Heading, ...]  #: of the columns; none in a file that is empty
-    line: int  #: number of the header's line
-    first: str  #: that line as it stands in the file
-    rows: tuple[Row, ...]  #: under the header
-    separator: str  #: between the cells
+    headings: tuple[Heading, ...]  #: headers of the columns; none for an empty file
+    line: int  #: line number of the header
+    first: str  #: header line as in the file
+    rows: tuple[Row, ...]  #: rows below the header
+    separator: str  #: separator of the cells
 
 
 def read_csv(path: Path) -> CsvFile:
-    """Read a CSV file; whether its columns are those that are needed is for the caller to tell.
+    """Read a CSV file; the caller checks its columns.
 
     Raises:
-        UnreadableError: There is no such file, it is no text, or what its numbers mean is not
-            certain.
+        UnreadableError: There is no such file, it is not text, or its numbers are ambiguous.
     """
     try:
-        if path.is_fifo():  # it would be waited for, and can be read only once
+        if path.is_fifo():  # reading would block, and is possible only once
             raise UnreadableError("is a pipe, not a file; write it to a file first")
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
@@ -83,10 +80,10 @@ def read_csv(path: Path) -> CsvFile:
 
 
 def parse_csv(lines: Sequence[str]) -> CsvFile:
-    """Return what stands in the lines of a CSV file; see `read_csv`.
+    """Return the content of the lines of a CSV file; see `read_csv`.
 
     Raises:
-        UnreadableError: What its numbers mean is not certain.
+        UnreadableError: The numbers are ambiguous.
     """
     kept = [
         (number, line)
@@ -108,7 +105,7 @@ def parse_csv(lines: Sequence[str]) -> CsvFile:
 
 
 def with_unit(cell: str, unit: str) -> str:
-    """Return a number of a file with the unit of its column; anything else as it is."""
+    """Return a number with the unit of its column; other cells unchanged."""
     try:
         float(cell)
     except ValueError:
@@ -117,12 +114,12 @@ def with_unit(cell: str, unit: str) -> str:
 
 
 def _rows(kept: list[tuple[int, str]], separator: str) -> list[Row]:
-    """The header and the rows that have a filled cell, without the empty columns at the right."""
+    """Header and rows that have a filled cell, without the empty columns at the right."""
     reader = csv.reader((line for _, line in kept), delimiter=separator, skipinitialspace=True)
     rows: list[Row] = []
     begun = width = 0
     try:
-        for cells in reader:  # one in quotes may go over several lines
+        for cells in reader:  # a quoted cell may span several lines
             stripped = [cell.strip() for cell in cells]
             while len(stripped) > width and not stripped[-1]:
                 stripped.pop()
@@ -130,14 +127,14 @@ def _rows(kept: list[tuple[int, str]], separator: str) -> list[Row]:
                 width = width or len(stripped)
                 rows.append(Row(kept[begun][0], tuple(stripped)))
             begun = reader.line_num
-    except csv.Error as error:  # a cell that is longer than csv takes
+    except csv.Error as error:  # a cell too long for csv
         fix = "is a quotation mark missing that ends a cell?"
         raise UnreadableError(f"line {kept[begun][0]}: {error}; {fix}") from None
     return rows
 
 
 def _with_points(rows: list[Row], separator: str) -> list[Row]:
-    """The rows, the numbers in them with a decimal point."""
+    """The rows, with decimal points in their numbers."""
     seen: dict[str, list[tuple[Row, str]]] = {",": [], ".": []}
     for row in rows:
         for cell in row.cells:
@@ -156,7 +153,7 @@ def _with_points(rows: list[Row], separator: str) -> list[Row]:
             f'line {row.line}: "{cell}" has a comma, "{its}" in line {other.line} a point; write '
             "all numbers with the same decimal mark and without thousands separators"
         )
-    # A point stands for thousands only where the comma is the decimal mark, as semicolons suggest.
+    # A point separates thousands only if the comma is the decimal mark, as semicolons suggest.
     doubtful = commas or (points if separator == ";" else [])
     if doubtful and all(_THOUSANDS.match(cell) for _, cell in doubtful):
         row, cell = doubtful[0]
@@ -170,6 +167,6 @@ def _with_points(rows: list[Row], separator: str) -> list[Row]:
 
 
 def _pointed(cell: str) -> str:
-    """A cell whose number has a point for its decimal comma."""
+    """Replace the decimal comma of a number by a point."""
     found = _NUMBER.match(cell)
     return cell if found is None else found[0].replace(",", ".") + cell[found.end() :]

@@ -1,4 +1,4 @@
-"""Errors, each with the exit status of the command line; how keys and values are worded."""
+"""Errors with their exit status, and formatting of keys and values in messages."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any
 
 
 class CastfemError(Exception):
-    """Base of every error castfem raises on purpose; `exit_status` is what the shell sees."""
+    """Base of all errors that castfem raises on purpose, with their exit status."""
 
     exit_status = 2
 
 
 class InputError(CastfemError):
-    """What the user wrote cannot be used.
+    """The input of the user is invalid.
 
     Attributes:
-        problems: One line for each thing that is wrong; it names the file, the key and the fix.
+        problems: One line for each problem, with the file, the key and the fix.
     """
 
     exit_status = 1
@@ -27,25 +27,25 @@ class InputError(CastfemError):
 
 
 class CaseError(InputError):
-    """What a case asks for cannot be built; its problems begin with the key, and name no file."""
+    """A case cannot be built; its problems begin with the key and name no file."""
 
     def of(self, path: object) -> InputError:
-        """The same, said of the file that the case was read from."""
+        """Return the same error with the file of the case."""
         return InputError(f"{path}: {problem}" for problem in self.problems)
 
 
 class FolderInUse(InputError):
-    """Another run is at work in the folder."""
+    """Another run is active in the folder."""
 
 
 class RunFailure(CastfemError):
-    """A run could not be continued; the last good state is on disk."""
+    """A run could not continue; the last good state is on disk."""
 
     exit_status = 2
 
 
 class CannotWrite(RunFailure):
-    """A file cannot be written: a full disk, a folder without rights; the run itself is sound."""
+    """A file cannot be written (full disk, no permission); the run itself is valid."""
 
 
 Path = tuple[str | int, ...]
@@ -57,13 +57,13 @@ def dotted(path: Path) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as it stands in a TOML file, shortened."""
+    """Return a value as in a TOML file, shortened."""
     text = written(value)
     return text if len(text) <= 60 else text[:56] + " ..."
 
 
 def written(value: object) -> str:
-    """Return a value as it stands in a TOML file."""
+    """Return a value as in a TOML file."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -76,7 +76,7 @@ def written(value: object) -> str:
 
 
 def said_in_a_line(error: BaseException) -> str:
-    """Return the message of an error in one line, with its kind if it was not written for users."""
+    """Return the message of an error in one line, with its type if it was not meant for users."""
     lines = str(error).splitlines() or [""]
     said = lines[0] if isinstance(error, CastfemError) else f"{type(error).__name__}: {lines[0]}"
     return said.removesuffix(": ")
@@ -88,19 +88,19 @@ def choices(names: Iterable[object]) -> str:
 
 
 def grouped(count: float) -> str:
-    """Return a count with its thousands apart: 10 000 000; far beyond that as a power of ten."""
+    """Return a count with separated thousands, 10 000 000; very large ones as a power of ten."""
     return f"{count:,.0f}".replace(",", " ") if count < 1e13 else f"{count:.0e}"
 
 
 def differences(
     there: Mapping[str, Any], here: Mapping[str, Any], leave_out: Iterable[str] = ()
 ) -> str:
-    """Return the keys in which two documents of cases differ, with both values; "" if they do not.
+    """Return the keys in which two case documents differ, with both values; "" if there are none.
 
     Args:
-        there: The one, nested tables and arrays of plain values.
-        here: The other.
-        leave_out: Dotted keys that do not count, with all below them.
+        there: One document, nested tables and arrays of plain values.
+        here: The other document.
+        leave_out: Dotted keys to ignore, with all below them.
     """
     found = list(_differences(there, here, "", tuple(leave_out)))
     more = [f"and {len(found) - 5} more"] if len(found) > 5 else []
@@ -122,7 +122,7 @@ def _differences(there: Any, here: Any, key: str, leave_out: tuple[str, ...]) ->
 
 
 def _parts(value: Any) -> Mapping[Any, Any] | None:
-    """What stands in a table, an array or nothing by its key; None of a plain value."""
+    """Entries of a table or array by key; None for a plain value."""
     if isinstance(value, Mapping):
         return value
     if isinstance(value, list | tuple):

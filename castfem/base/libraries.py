@@ -1,8 +1,8 @@
-"""How libraries are imported: DOLFINx after h5py and MPI, without numba; matplotlib, no display.
+"""Import order of libraries: DOLFINx after h5py and MPI, without numba; matplotlib, no display.
 
-DOLFINx and petsc4py of PyPI find MPI only where mpi4py has loaded it, and an h5py that is loaded
-after them meets their HDF5 instead of its own. PETSc replaces Python's handling of signals, so that
-a closed pipe aborts the process instead of raising `BrokenPipeError`.
+DOLFINx and petsc4py from PyPI find MPI only if mpi4py has loaded it, and an h5py loaded after them
+uses their HDF5 instead of its own. PETSc replaces Python's signal handlers, so that a closed pipe
+aborts the process instead of raising `BrokenPipeError`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import Any
 
 _LAST = ("dolfinx", "petsc4py")
-_AT_FIRST_USE = "dolfinx.utils"  # imports numba (0.4 s, 55 MB), for scripts of users alone
+_AT_FIRST_USE = "dolfinx.utils"  # imports numba (0.4 s, 55 MB); only for scripts of users
 _ALL = (*_LAST, "mpi4py", "ufl", "basix")
 HOW = (
     'install DOLFINx by `pip install "castfem[solver]"` (Python 3.12 or newer, Linux, x86-64), '
@@ -30,7 +30,7 @@ HOW = (
 
 
 class _Watch:
-    """A finder of modules that acts before these are looked for; finds what is loaded later."""
+    """An import hook that acts before these libraries are looked up."""
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """See `importlib.abc.MetaPathFinder`."""
@@ -65,7 +65,7 @@ def _load_earlier() -> None:
 
 
 def watch() -> None:
-    """Watch from now on, whoever imports it.
+    """Install the import hook.
 
     Raises:
         ImportError: DOLFINx was imported before, with an HDF5 that h5py cannot use.
@@ -77,16 +77,16 @@ def watch() -> None:
         _load_earlier()
         main = threading.current_thread() is threading.main_thread()
         if main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN:
-            signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc may have its own by now
+            signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc may have set its own by now
 
 
 _DISPLAY = "MPLBACKEND"
 
 
 def own_matplotlib() -> ModuleType:
-    """Import matplotlib also where the environment names a display that this Python does not have.
+    """Import matplotlib even if the environment names a display that this Python does not have.
 
-    Jupyter hands its own to every program it starts. Figures of castfem need none.
+    Jupyter passes its own to every program it starts. Figures of castfem need none.
     """
     display = None if "matplotlib" in sys.modules else os.environ.pop(_DISPLAY, None)
     try:
@@ -95,14 +95,14 @@ def own_matplotlib() -> ModuleType:
         if display is not None:
             os.environ[_DISPLAY] = display
     if display is not None:
-        with suppress(ValueError):  # for figures of the user's own, where it is there
+        with suppress(ValueError):  # for the user's own figures, if it exists
             matplotlib.rcParams["backend"] = display
     return matplotlib
 
 
 @contextmanager
 def own_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Inside the block matplotlib has its defaults and these settings, none of a matplotlibrc."""
+    """Use matplotlib's defaults and these settings inside the block, without a matplotlibrc."""
     matplotlib = own_matplotlib()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
@@ -111,7 +111,7 @@ def own_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 
 def cache_folder() -> Path:
-    """The user's cache folder for castfem."""
+    """The user's cache folder of castfem."""
     import platformdirs
 
     return Path(platformdirs.user_cache_dir("castfem", appauthor=False))

@@ -1,4 +1,4 @@
-"""Logging: one logger, "castfem", that speaks on rank 0 and leaves the root logger alone.
+"""Logging: one logger, "castfem", which logs on rank 0 and leaves the root logger alone.
 
 Messages go to the terminal (stderr) and, once a run has its folder, to `run.log`. Modules use
 `logging.getLogger("castfem")` or a child of it.
@@ -15,13 +15,13 @@ logger = logging.getLogger("castfem")
 logger.setLevel(logging.INFO)
 
 FILE_ONLY = {"file_only": True}
-"""`extra` of a record that goes to the log file but not to the terminal."""
+"""`extra` of a record for the log file only."""
 TERMINAL_ONLY = {"terminal_only": True}
-"""`extra` of one that goes to the terminal but not to the log file."""
+"""`extra` of a record for the terminal only."""
 
 
 class _Terminal(logging.Handler):
-    """Writes to whatever stderr is at the time, so that a progress bar can stand below."""
+    """Writes to the current stderr, so that a progress bar can stay below."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         return not getattr(record, "file_only", False) and bool(super().filter(record))
@@ -36,7 +36,7 @@ class _Terminal(logging.Handler):
 
 
 class _LogFile(logging.FileHandler):
-    """The log of a run: that it cannot be written, as on a full disk, is said once, in one line."""
+    """Log file of a run; that it cannot be written, as on a full disk, is reported once."""
 
     has_warned = False
 
@@ -44,14 +44,14 @@ class _LogFile(logging.FileHandler):
         return not getattr(record, "terminal_only", False) and bool(super().filter(record))
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one record; the next one tries again where this one could not."""
+        """Write one record; after a failure the next one tries again."""
         try:
             super().emit(record)
-        except OSError:  # it cannot even be opened again
+        except OSError:  # it cannot be reopened
             self.handleError(record)
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """Drop what could not be written; logging would print pages and fail at the end."""
+        """Drop what could not be written; logging would print tracebacks and fail at the end."""
         error = sys.exc_info()[1]
         stream, self.stream, self.mode = self.stream, None, "a"  # type: ignore[assignment]
         with suppress(OSError):
@@ -63,13 +63,13 @@ class _LogFile(logging.FileHandler):
             logger.warning("%s: cannot be written (%s)", name, reason, extra=TERMINAL_ONLY)
 
     def close(self) -> None:
-        """Close the file; what is lost of the log is no failure of a run."""
+        """Close the file; a lost part of the log is no failure of a run."""
         with suppress(OSError):
             super().close()
 
 
 class _Plain(logging.Formatter):
-    """The bare message; from warnings on with the level in front."""
+    """The message alone; from warnings on with its level."""
 
     def format(self, record: logging.LogRecord) -> str:
         text = super().format(record)
@@ -79,11 +79,11 @@ class _Plain(logging.Formatter):
 
 
 def setup(verbosity: int = 0, rank: int = 0) -> logging.Logger:
-    """Direct the messages of this process to the terminal; a second call starts afresh.
+    """Send the messages of this process to the terminal; a second call starts afresh.
 
     Args:
-        verbosity: Negative: warnings and errors only. 0: what a run does. Positive: every step.
-        rank: MPI rank; all but rank 0 stay silent.
+        verbosity: Negative: warnings and errors only. 0: the main events. Positive: every step.
+        rank: MPI rank; only rank 0 logs.
     """
     close()
     logger.propagate = False
@@ -100,9 +100,9 @@ def setup(verbosity: int = 0, rank: int = 0) -> logging.Logger:
 
 
 def to_file(path: Path, *, append: bool = False) -> None:
-    """Send the messages of rank 0 to a file, too, instead of the file of the run before.
+    """Also send the messages of rank 0 to a file, replacing the file of a previous run.
 
-    Without effect on ranks that `setup` has silenced.
+    No effect on ranks that `setup` has silenced.
     """
     if not logger.isEnabledFor(logging.CRITICAL):
         return
@@ -118,7 +118,7 @@ def end_file() -> None:
 
 
 def close() -> None:
-    """Close and take away all handlers."""
+    """Close and remove all handlers."""
     _drop(list(logger.handlers))
 
 

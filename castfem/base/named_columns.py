@@ -1,4 +1,4 @@
-"""Several quantities in columns that make up a table, in a case or in a CSV file."""
+"""Columns of several quantities that form a table, in a case or a CSV file."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns of quantities that make up a table, in a case or in a CSV file."""
+    """Columns of quantities that form a table, in a case or a CSV file."""
 
-    kinds: Mapping[str, Kind]  #: what each column holds, by its name
-    units: Mapping[str, str]  #: key that has the unit of the bare numbers of each column
-    what: str  #: what they make up, for messages
-    header: str  #: first line of a file, likewise
-    optional: Collection[str] = ()  #: those of `kinds` that may be left out
-    #: columns of words, which may be left out, and whose cells may be empty
+    kinds: Mapping[str, Kind]  #: quantity of each column, by its name
+    units: Mapping[str, str]  #: key with the unit of the plain numbers of each column
+    what: str  #: what they describe, for messages
+    header: str  #: header of a file, for messages
+    optional: Collection[str] = ()  #: columns of `kinds` that may be left out
+    #: text columns, which may be left out, and whose cells may be empty
     words: Collection[str] = ()
-    #: what a column of any other name holds; None where there is no other
+    #: quantity of columns with any other name; None if there are none
     others: Kind | None = None
 
     def read(self, given: Mapping[str, Any], make: Callable[[Array, Sequence[str]], Made]) -> Made:
-        """Return what is made of the rows (n, columns) in SI, and of where each row stands.
+        """Return `make` of the rows (n, columns) in SI and of the places of the rows.
 
         Raises:
-            ValueError: A column or a cell is not as it must be, or nothing can be made of them.
+            ValueError: A column or a cell is invalid, or `make` fails.
         """
         return self.read_by_name(
             given, lambda found, places: make(np.transpose([found[n] for n in self.kinds]), places)
@@ -46,7 +46,7 @@ class Columns:
         given: Mapping[str, Any],
         make: Callable[[dict[str, list[Any]], Sequence[str]], Made],
     ) -> Made:
-        """Return what is made of the columns in SI, by name, and of where each row stands.
+        """Return `make` of the columns in SI, by name, and of the places of the rows.
 
         Raises:
             ValueError: As `read`.
@@ -79,7 +79,7 @@ class Columns:
             raise ValueError(f"'{path}'{colon} {error}") from None
 
     def _are_those(self, names: Sequence[str]) -> bool:
-        """Whether a file has the columns that it must, none twice, and none that it may not."""
+        """Whether a file has the required columns, none twice and no unknown ones."""
         known = {*self.kinds, *self.words}
         needed = set(self.kinds) - set(self.optional)
         return (
@@ -125,19 +125,19 @@ Grid = tuple[tuple[float, ...], tuple[float, ...], tuple[tuple[float, ...], ...]
 
 
 def grid_of(rows: Array, places: Sequence[str], kinds: Sequence[Kind], what: str) -> Grid:
-    """Return a table of two arguments from a row for each pair of them, in any order.
+    """Return a table over two arguments from rows in any order, one for each pair of arguments.
 
     Args:
         rows: Both arguments and the value (n, 3), SI.
-        places: Where each row stands.
-        kinds: Of the arguments.
-        what: What two arguments are, for messages: "temperature and flow".
+        places: Place of each row.
+        kinds: Quantities of the arguments.
+        what: Name of the arguments, for messages: "temperature and flow".
 
     Returns:
-        Both arguments, increasing, and the values, a row for each of the first.
+        Both arguments, increasing, and the values with a row for each of the first.
 
     Raises:
-        ValueError: A pair appears twice, or one is missing.
+        ValueError: A pair appears twice, or is missing.
     """
     found: dict[tuple[float, float], float] = {}
     cells: Any = rows.tolist()
@@ -164,7 +164,7 @@ def rows_of(grid: Grid) -> list[tuple[float, float, float]]:
 
 
 def _cell(name: str, kind: Kind, cell: object, unit: object, where: str) -> float:
-    """Read a cell, in the unit of its column where it has none itself."""
+    """Read a cell, in the unit of its column if it has none."""
     text = str(cell).strip()
     if not text:
         raise ValueError(f"{where}: {name} is empty")

@@ -1,7 +1,7 @@
 """A process of castfem: the signals that stop it, one run at a time in it, and what a run leaves.
 
-A signal of the user, of a batch system or of a terminal that closes ends a command as Ctrl-C does:
-in order, with a line, and with what is done on disk.
+A signal from the user, a batch system or a closing terminal ends a command like Ctrl-C: in order,
+with a message, and with completed work on disk.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from castfem.base.errors import InputError
 
 STOPS: dict[signal.Signals, str] = {
     signal.SIGINT: "stopped by the user",
-    signal.SIGTERM: "stopped by SIGTERM, as a batch system sends it before it kills",
-    signal.SIGHUP: "stopped by SIGHUP, as a terminal or a connection sends it when it closes",
+    signal.SIGTERM: "stopped by SIGTERM, as sent by a batch system before it kills",
+    signal.SIGHUP: "stopped by SIGHUP, as sent by a closing terminal or connection",
     signal.SIGUSR1: "stopped by SIGUSR1, which mpirun passes on to its ranks",
 }
-"""The signals, and what is noted of a run that one of them has stopped."""
+"""The signals, and the recorded reason of a run stopped by them."""
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
     """Handle one of the signals as Python handles Ctrl-C.
 
     Raises:
-        KeyboardInterrupt: Always; it says why.
+        KeyboardInterrupt: Always, with the reason.
     """
     raise KeyboardInterrupt(STOPS[signal.Signals(number)])
 
 
 def told(number: int, frame: FrameType | None) -> None:
-    """Handle a signal that has been obeyed already: a batch system's may reach a rank twice."""
+    """Handle a repeated signal: a batch system's may reach a rank twice."""
 
 
 def stop_by_all() -> None:
-    """Let each of the signals interrupt this process, except those that are handled already.
+    """Let each of the signals interrupt this process, except signals with another handler.
 
-    `nohup`, for one, has SIGHUP ignored.
+    `nohup`, for example, ignores SIGHUP.
     """
     if threading.current_thread() is threading.main_thread():
         for number in STOPS:
@@ -50,33 +50,33 @@ def stop_by_all() -> None:
 
 
 def keep_hangup() -> None:
-    """Keep UCX, a transport of MPI, from taking SIGHUP for a wish to debug: it ends nothing then.
+    """Keep UCX, a transport of MPI, from using SIGHUP for debugging, which would end nothing.
 
-    It looks at the environment when MPI is initialised.
+    UCX reads the environment when MPI is initialised.
     """
     os.environ.setdefault("UCX_DEBUG_SIGNO", "0")
 
 
 def is_ours(number: signal.Signals) -> bool:
-    """Whether a signal does what it did when Python started, or what castfem made it do."""
+    """Whether a signal still has Python's initial handler, or castfem's."""
     usual = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
     return signal.getsignal(number) in (usual, interrupt, told)
 
 
 def reason_of(stop: KeyboardInterrupt) -> str:
-    """Why a run was stopped, one line."""
+    """Reason why a run was stopped, one line."""
     return str(stop) or STOPS[signal.SIGINT]
 
 
-_running = threading.RLock()  # a run may have others within, in its own thread
+_running = threading.RLock()  # a run may start others in its own thread
 
 
 @contextmanager
 def one_at_a_time(*, wait: bool = False) -> Iterator[None]:
-    """Keep other threads from running a case as long as the block lasts; `wait` for one that does.
+    """Prevent other threads from running a case within the block; `wait` for a running one.
 
     Raises:
-        InputError: Another thread runs one, and it is not waited for.
+        InputError: Another thread runs a case, and `wait` is false.
     """
     if not _running.acquire(blocking=wait):
         raise InputError(

@@ -1,6 +1,6 @@
-"""Progress of a run: a bar on a terminal, plain lines elsewhere, nothing when quiet.
+"""Progress of a run: a bar on a terminal, lines elsewhere, nothing if quiet.
 
-A step costs two comparisons and one look at the clock, unless something is due to be shown.
+A step costs two comparisons and one reading of the clock, unless an update is due.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-_SHARE = 0.05  # of the way, between two plain lines
+_SHARE = 0.05  # fraction of the length between two lines
 _LINE = re.compile(r" *\d+ %  [\d.]+ of [\d.]+ [a-z ]+?  .* elapsed [\d:]+  left ([\d:]+)")
 _logger = logging.getLogger("castfem.base.progress")
 
 
 class Progress:
-    """Shows how far the slice has come down the strand. Make one on rank 0 only.
+    """Shows how far the slice has come down the strand; for rank 0 only.
 
     Args:
         verbosity: Negative shows nothing.
         terminal: Whether to draw a bar; by default if stderr is a terminal.
-        unit: Of the way, "s" of slices that are followed together.
+        unit: Unit of the progress; "s" for slices that are followed together.
     """
 
     def __init__(self, verbosity: int = 0, terminal: bool | None = None, unit: str = "m") -> None:
@@ -47,7 +47,7 @@ class Progress:
         self._told = False
 
     def start(self, total_length: float, position: float = 0.0) -> None:
-        """Begin a run to `total_length` (m) at a position, not 0 m when it is resumed."""
+        """Begin a run to `total_length` (m) at a position, which is not 0 m for a resumed run."""
         self._total, self._from, self._position = total_length, position, position
         self._begun = self._last_line = time.perf_counter()
         self._next_picture = 0.0
@@ -63,14 +63,14 @@ class Progress:
     def update(
         self, position: float, time_s: float, newton: int, step: float, note: str = ""
     ) -> None:
-        """Tell of a step.
+        """Update the progress after a step.
 
         Args:
-            position: Of the slice, m from the meniscus.
-            time_s: Since the meniscus, s.
-            newton: Newton iterations the step took; 0 where nothing counts them.
-            step: Its length, s.
-            note: A word on what happens, such as the cooling zone.
+            position: Position of the slice, m from the meniscus.
+            time_s: Time since the meniscus, s.
+            newton: Newton iterations of the step; 0 if they are not counted.
+            step: Length of the step, s.
+            note: A short remark, such as the cooling zone.
         """
         self._position = position
         self._steps += 1
@@ -87,9 +87,9 @@ class Progress:
             self._line(now)
 
     def _foresee(self, now: float) -> None:
-        """Warn, once and early, of a run that takes hours at its pace.
+        """Warn, once and early, about a run that takes hours at its present speed.
 
-        That is the way between 3 and 10 s, since a run begins with short steps.
+        The speed is measured between 3 and 10 s, since a run begins with short steps.
         """
         if self._pace is None:
             if now - self._begun >= 3.0:
@@ -109,7 +109,7 @@ class Progress:
             )
 
     def stop(self) -> None:
-        """End, with the last position shown; may be called twice."""
+        """Stop with the last position shown; may be called twice."""
         if self._total == 0.0:
             return
         if self._bar is not None:
@@ -127,7 +127,7 @@ class Progress:
         self._bar.update(self._task, completed=self._position, text=text, refresh=True)
 
     def _line(self, now: float) -> None:
-        """Log a line; to the file only while a bar is drawn, or when quiet."""
+        """Log a line; only to the file while a bar is drawn, or if quiet."""
         share = _share(self._position, self._total)
         self._last_line = now
         self._next_share = _mark_after(share)
@@ -146,7 +146,7 @@ class Progress:
 
 
 def time_left(text: str) -> float | None:
-    """The seconds that are left by a line of the progress; None of any other message."""
+    """Remaining time, s, from a progress line; None for any other message."""
     found = _LINE.match(text)
     if found is None:
         return None
@@ -161,7 +161,7 @@ def _share(position: float, total: float) -> float:
 
 
 def _mark_after(share: float) -> float:
-    """Return the next share at which a line is due."""
+    """Return the next fraction at which a line is due."""
     return (math.floor(share / _SHARE + 1e-6) + 1) * _SHARE * (1.0 - 1e-9)
 
 
@@ -178,7 +178,7 @@ def _duration(seconds: float) -> str:
 
 
 def _bar(unit: str) -> Bar:
-    """Return the bar of a terminal: position, share, time left, and a text."""
+    """Return the terminal bar: position, fraction, remaining time, and a text."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
@@ -190,5 +190,5 @@ def _bar(unit: str) -> Bar:
         TimeRemainingColumn(),
         TextColumn("{task.fields[text]}"),
         console=Console(stderr=True),
-        auto_refresh=False,  # it would take a thread of its own
+        auto_refresh=False,  # it would need its own thread
     )

@@ -1,7 +1,7 @@
-"""Kinds of quantity as types of pydantic models: `Length`, `Speed`, `Temperature` ...
+"""Physical quantities as types of pydantic models: `Length`, `Speed`, `Temperature` ...
 
-A field of such a type is a float in SI. It is read from a text with unit, checked for dimension
-and bounds, and written back with its unit by `model_dump(mode="json")`.
+A field of such a type is a float in SI. It is read from a text with unit, checked for dimension and
+bounds, and written back with its unit by `model_dump(mode="json")`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 class Notation(ABC):
-    """How a value is written in a file, as an annotation of the fields of pydantic models.
+    """Notation of a value in a file, as an annotation of the fields of pydantic models.
 
     A model reads it in SI; `model_dump(mode="json")` writes what reads back to the same value.
 
     Attributes:
-        takes: What the field takes, in words of the reference page.
+        takes: Description of valid input for the reference page.
     """
 
     __slots__ = ()
@@ -32,7 +32,7 @@ class Notation(ABC):
 
     @property
     def quantity(self) -> Kind | None:
-        """The kind of quantity that is written; None where it is none, or several."""
+        """The physical quantity of the value; None if it has none, or several."""
         return None
 
     @abstractmethod
@@ -45,10 +45,10 @@ class Notation(ABC):
 
     @abstractmethod
     def json_schema(self) -> dict[str, Any]:
-        """Return the JSON schema of what is written."""
+        """Return the JSON schema of the written value."""
 
     def described(self, example: object = None) -> str:
-        """Return what the field takes, in words of the reference page, with an example."""
+        """Return the description of valid input for the reference page, with an example."""
         return self.takes
 
     def __get_pydantic_json_schema__(
@@ -71,12 +71,12 @@ class Notation(ABC):
 
 @dataclass(frozen=True, slots=True)
 class NameOf(Notation):
-    """Annotation of a field that takes a name out of a register, which may grow."""
+    """Annotation of a field that takes a name from a register, which may grow."""
 
-    register: Mapping[str, Any] = field(hash=False)  #: names and what they stand for
+    register: Mapping[str, Any] = field(hash=False)  #: names and their objects
 
     def read(self, given: object) -> str:
-        """Return the name, or raise the error of a literal that is none of its values."""
+        """Return the name, or raise the error of an invalid literal."""
         if isinstance(given, str) and given in self.register:
             return given
         from pydantic_core import PydanticKnownError
@@ -100,7 +100,7 @@ class NameOf(Notation):
 
 @dataclass(frozen=True, slots=True)
 class Kind(Notation):
-    """A kind of quantity as pydantic annotation: `Annotated[float, Kind("m", "mm")]`."""
+    """A physical quantity as pydantic annotation: `Annotated[float, Kind("m", "mm")]`."""
 
     unit: str  #: SI unit of the value
     shown: str = ""  #: unit in which it is written back
@@ -109,22 +109,22 @@ class Kind(Notation):
     least: float | None = None  #: the value must be at least this, in SI
     most: float | None = None  #: the value must be at most this, in SI
 
-    label: str = ""  #: what is measured, where the unit alone does not tell
-    sample: str = ""  #: how it may be written, likewise
+    label: str = ""  #: name of the quantity, if the unit alone is not enough
+    sample: str = ""  #: example of a value, likewise
 
     @property
     def quantity(self) -> Kind:
-        """See `Notation`: itself."""
+        """See `Notation`: the kind itself."""
         return self
 
     @property
     def name(self) -> str:
-        """What is measured, such as "length"."""
+        """Name of the quantity, such as "length"."""
         return self.label or units.describe(self.unit, self.difference)[0]
 
     @property
     def example(self) -> str:
-        """How a user may write it."""
+        """Example of a value as a user may write it."""
         return self.sample or units.describe(self.unit, self.difference)[1]
 
     def read(self, given: object) -> float:
@@ -133,7 +133,7 @@ class Kind(Notation):
         return self.bounded(units.parse(given, self.unit, difference=self.difference, kind=kind))
 
     def bounded(self, value: float) -> float:
-        """Return the SI value if it is within the bounds, or raise ValueError."""
+        """Return the SI value if it is within the bounds; otherwise raise ValueError."""
         if self.above is not None and not value > self.above:
             raise ValueError(f"must be above {self._text(self.above)}")
         if self.least is not None and value < self.least:
@@ -156,7 +156,7 @@ class Kind(Notation):
 
     @property
     def suffix(self) -> str:
-        """What stands behind that number, a space and its unit; nothing without one."""
+        """Unit after that number, with a blank before it; "" without one."""
         return "" if self.unit == "1" else f" {self.shown or self.unit}"
 
     def _text(self, bound: float) -> str:
@@ -166,7 +166,7 @@ class Kind(Notation):
         return f"{round(self.number(bound), 9) + 0.0:g}{self.suffix}"
 
     def json_schema(self) -> dict[str, Any]:
-        """Return the JSON schema of the text (or number) a user may write."""
+        """Return the JSON schema of the text (or number) that a user may write."""
         text = {
             "type": "string",
             "pattern": r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\S.*$",
@@ -197,11 +197,11 @@ class Kind(Notation):
 
 @dataclass(frozen=True, slots=True)
 class OrWord(Notation):
-    """Annotation of a field that takes a quantity, or a table of it, or one of some words."""
+    """Annotation of a field that takes a quantity, a table of it, or one of some words."""
 
-    inner: Notation  #: how the quantity is written
+    inner: Notation  #: notation of the quantity
     words: Collection[str] = field(hash=False)  #: the words; a register of them may grow
-    called: str = ""  #: what the words are, where there are several
+    called: str = ""  #: what the words stand for, if there are several
 
     @property
     def quantity(self) -> Kind | None:
@@ -209,7 +209,7 @@ class OrWord(Notation):
         return self.inner.quantity
 
     def read(self, given: object) -> Any:
-        """Return the word, or what is written instead; raise ValueError if it is neither."""
+        """Return the word or the quantity; raise ValueError if it is neither."""
         if isinstance(given, str) and given in self.words:
             return given
         try:
@@ -243,7 +243,7 @@ class OrWord(Notation):
 
 @dataclass(frozen=True, slots=True)
 class WaterKind(Kind):
-    """Water on a surface, kg/(m2 s); also given as a volume, at 1 kg per litre."""
+    """Water on a surface, kg/(m2 s); may be given as a volume, at 1 kg per litre."""
 
     def read(self, given: object) -> float:
         """Return the flow in kg/(m2 s), or raise ValueError."""
@@ -269,7 +269,7 @@ class WaterKind(Kind):
 
 @dataclass(frozen=True, slots=True)
 class PercentKind(Kind):
-    """A share in per cent: a plain number of per cents, `0.18`, or with its sign, `"0.18 %"`."""
+    """A share in per cent: a plain number, `0.18`, or with a sign, `"0.18 %"`."""
 
     def read(self, given: object) -> float:
         """Return the percentage, or raise ValueError."""
@@ -289,7 +289,7 @@ WaterFlow = Annotated[
 ]
 Time = Annotated[float, Kind("s", "s", above=0.0)]
 Temperature = Annotated[float, Kind("K", "degC")]
-# Of liquid water in the open.
+# Temperatures of liquid water at atmospheric pressure.
 WaterTemperature = Annotated[
     float,
     Kind("K", "degC", least=273.15, most=373.15, label="temperature of water", sample="25 degC"),

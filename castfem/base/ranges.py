@@ -1,8 +1,8 @@
-"""What the quantities of continuous casting usually are, and what they can be at all: one table.
+"""Table of usual and possible values of the quantities of continuous casting.
 
-A key outside of its usual range is warned of, outside of its possible one it is refused. Both find
-a wrong unit or a misread number, not an unusual machine; where a kind of quantity allows 0, that
-leaves something out and is in order.
+A value outside its usual range gives a warning, one outside its possible range an error. Both find
+wrong units and misread numbers, not unusual machines; where a kind of quantity allows 0, it means
+that something is left out.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ _ANY = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Least and largest value, both ways, in SI."""
+    """Usual and possible ranges, SI."""
 
-    usual: tuple[float, float]  #: beyond these a case is warned of
-    possible: tuple[float, float]  #: beyond these it is refused
-    what: str  #: whose values they are, for messages: "strands are cast at"
+    usual: tuple[float, float]  #: values outside give a warning
+    possible: tuple[float, float]  #: values outside give an error
+    what: str  #: subject of the message: "strands are cast at"
 
     def impossible(self, value: float, kind: Kind) -> str:
-        """Say that a value (SI) cannot be; empty where it can."""
+        """Error text for an impossible value (SI); "" if it is possible."""
         return self._beyond(value, kind, self.possible, "beyond")
 
     def unusual(self, value: float, kind: Kind) -> str:
-        """Say that a value (SI) is hardly meant; empty where it may be."""
+        """Warning text for an unusual value (SI); "" if it is usual."""
         return self._beyond(value, kind, self.usual, "far from")
 
     def _beyond(self, value: float, kind: Kind, ends: tuple[float, float], how: str) -> str:
@@ -46,7 +46,7 @@ class Bounds:
 
 
 def of(key: str) -> Bounds | None:
-    """Return the bounds of a dotted key without indices; None for one that has none."""
+    """Return the bounds of a dotted key without indices; None if it has none."""
     return RANGES.get(key)
 
 
@@ -175,12 +175,12 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("steel.solidus", "steel.liquidus"): Bounds((373.15, 3300.0), (373.15, 3300.0), _METAL),
     ("steel.latent_heat",): Bounds((3e4, 5e5), (1e4, 2e6), _METAL),
     ("steel.density",): Bounds((2e3, 1.2e4), (1e3, 25e3), _METAL),
-    # Outside of the freezing range; Curie points have some 5000.
+    # Outside the freezing range; at Curie points about 5000.
     ("steel.specific_heat",): Bounds((100.0, 6e3), (80.0, 1e4), _METAL),
     ("steel.conductivity",): Bounds((5.0, 450.0), (1.0, 5e3), _METAL),
     ("steel.emissivity",): Bounds((0.05, 1.0), (0.01, 1.0), _METAL),
     ("steel.thermal_expansion",): Bounds((2e-6, 6e-5), (1e-6, 1e-4), _METAL),
-    # A transformation within a kelvin changes lengths by 0.5 %.
+    # A transformation within one kelvin changes lengths by 0.5 %.
     ("steel.thermal_expansion.differential",): Bounds((-1e-2, 1e-2), (-1e-2, 1e-2), _METAL),
     ("steel.youngs_modulus", "law.young", "tensile.young"): Bounds(
         (1e5, 4e11), (1e3, 6e11), _METAL
@@ -199,5 +199,5 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("tensile.expansion",): Bounds((1e-6, 1e-4), (1e-12, 1e-2), _METAL),
 }  # fmt: skip
 RANGES: Mapping[str, Bounds] = {key: bounds for keys, bounds in _GROUPS.items() for key in keys}
-"""Bounds by dotted key of a case; `steel.` of material files, `law.` of those of laws. A variant of
-a table may have its own: `cooling.surface.spray.water`."""
+"""Bounds by dotted key of a case, with `steel.` for material files and `law.` for files of laws. A
+variant of a table may have its own: `cooling.surface.spray.water`."""

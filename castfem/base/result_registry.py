@@ -1,20 +1,20 @@
-"""The registry of results: what a run gives for its slice, each declared once.
+"""Registry of the results of a run, each declared once.
 
     @quantity("contact_share", unit="percent", label="share in contact", needs=("mould",))
     def contact_share(sample: Sample) -> float:
         '''Of the surface.'''
         return sample.contact.share
 
-is all that a quantity takes: its column in history.csv with name and unit, its row in summary.json
-and in the tables of `castfem show`, its words on the axis of a figure and its line in
-docs/output.md follow, and `[[reference]]`, `[optimise]` and `--units` know its name. The function
-gives SI (K, m, s, Pa ...); it is called on all ranks, so that it may add up over them. Its
-docstring is what docs/output.md says of it.
+is the complete definition of a quantity: it becomes a column of history.csv with name and unit, a
+row in summary.json and in the tables of `castfem show`, an axis label of figures, a line in
+docs/output.md, and a name for `[[reference]]`, `[optimise]` and `--units`. The function returns SI
+(K, m, s, Pa ...); it is called on all ranks, so that it may sum over them. Its docstring is its
+description in docs/output.md.
 
-The registry stands below the case, whose references and objectives name results, and knows neither
-a simulation nor a solver. castfem's own quantities are declared by the modules of `MODULES`, which
-are imported when the first name is looked up. They import no solver: tables and figures of a
-finished run need the words alone.
+The registry comes before the case, whose references and objectives name results, and knows neither
+simulation nor solver. castfem's own quantities are declared by the modules of `MODULES`, which are
+imported at the first lookup. They import no solver, since tables and figures of a finished run only
+need the names.
 """
 
 from __future__ import annotations
@@ -38,14 +38,12 @@ MODULES = (
     "castfem.runs.results.hot_tearing_quantities",
     "castfem.runs.results.closed_form_quantities",
 )
-"""Modules that declare quantities, in the order of the columns; others come behind."""
-_NEEDS_MODULE = (
-    "castfem.runs.results.needs"  # whose table NEEDS has the names that `needs` may give
-)
+"""Modules that declare quantities, in the order of the columns; others follow."""
+_NEEDS_MODULE = "castfem.runs.results.needs"  # its table NEEDS has the names allowed in `needs`
 PROBES = ("mid_face", "narrow_face", "corner", "diagonal", "tip", "fillet")
-"""Probes of all shapes; in a half or whole section there are more, their images."""
+"""Probes of all shapes; half and whole sections have mirror images as well."""
 AT_FRACTION = re.compile(r"fs([1-9]\d?)_(\w+)")
-"""Names of the shell to a solid fraction in percent, at a probe (`output.shell_at`)."""
+"""Names of the shell to a solid fraction in percent at a probe (`output.shell_at`)."""
 
 Computed = TypeVar("Computed", bound=Callable[..., float | None])
 Each = Literal["", "probe", "centred_probe"]
@@ -57,42 +55,42 @@ def _nothing(*_: Any) -> float | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityDefinition:
-    """What a quantity is called, in which units it is shown, and how it is computed.
+    """Definition of a quantity: names, units, and how it is computed.
 
-    As a decorator, `castfem.quantity`, it declares a function: a column, a result, a row of tables.
+    As a decorator, `castfem.quantity`, it declares a function as a column, a result, and a row of
+    tables.
     """
 
-    #: of column and result; of a quantity at the probes `NAME_PROBE`
+    #: name of column and result; at the probes `NAME_PROBE`
     name: str = field(kw_only=False)
-    unit: str = field(kw_only=False)  #: in history.csv; "-" for none
-    label: str = field(kw_only=False)  #: in tables, without unit; {} stands for the probe
-    #: what a simulation must have, of `castfem.runs.results.needs.NEEDS`
+    unit: str = field(kw_only=False)  #: unit in history.csv; "-" for none
+    label: str = field(kw_only=False)  #: label in tables, without unit; {} stands for the probe
+    #: what a simulation must have, from `castfem.runs.results.needs.NEEDS`
     needs: tuple[str, ...] = ()
-    #: whether it is taken at each probe, or at those that end in the centre of the section
+    #: whether it exists for each probe, or for those that end in the centre of the section
     each: Each = ""
-    shown: str = ""  #: unit in summary.json and tables, if not that of the history
+    shown: str = ""  #: unit in summary.json and tables, if different
     column: bool = True  #: whether it is a column of history.csv
     row: bool = True  #: whether it is a result in summary.json
-    #: the result that it follows in the summary, if not in the order of declaration
+    #: result after which it is listed in the summary, if not in the order of declaration
     after: str = ""
-    #: where in the section the value was found, shown after the label; "" for nowhere
+    #: place of the value in the section, shown after the label; "" for none
     place: Callable[[Any], str] | None = None
-    labels: Mapping[str, str] = field(default_factory=dict)  #: labels at single probes that differ
-    axis: str = ""  #: on the axis of a figure, if not the label
-    of_way: bool = False  #: whether it hangs on all steps so far, not on the last alone
-    #: the maximum to which it is a smooth approximation; such a quantity is computed where it is
-    #: asked for
+    labels: Mapping[str, str] = field(default_factory=dict)  #: different labels at single probes
+    axis: str = ""  #: label on the axis of a figure, if different
+    of_way: bool = False  #: whether it depends on all steps so far, not only on the last
+    #: maximum to which it is a smooth approximation; such a quantity is only computed on request
     smooth_twin_of: str = ""
-    says: str = ""  #: what docs/output.md says of it, if not the docstring of the function
-    #: the function: its value in SI from the sample of a step, at the probes from a sample and the
-    #: probe's name; None where it does not exist
+    says: str = ""  #: description in docs/output.md, if not the docstring of the function
+    #: the function: returns the value in SI for the sample of a step (at probes for a sample and
+    #: the probe's name), None if it does not exist
     compute: Callable[..., float | None] = _nothing
 
     def __call__(self, compute: Computed) -> Computed:
         """Declare a function.
 
         Raises:
-            ValueError: There is one of that name, or something it needs is not known.
+            ValueError: The name exists already, or one of `needs` is unknown.
         """
         if self.name in _declared:
             raise ValueError(f"two quantities are named {self.name}")
@@ -103,47 +101,47 @@ class QuantityDefinition:
 
     @property
     def about(self) -> str:
-        """What docs/output.md says of it."""
+        """Its description in docs/output.md."""
         return " ".join((self.says or inspect.getdoc(self.compute) or "").split())
 
     @property
     def axis_label(self) -> str:
-        """Its words on the axis of a figure, without unit."""
+        """Its label on the axis of a figure, without unit."""
         return self.axis or self.label.replace(", {}", "").replace(" at {}", "")
 
     @property
     def measured(self) -> str:
-        """A unit that measures it, "1" for a plain number."""
+        """A unit of the same dimension, "1" for a plain number."""
         unit = self.shown or self.unit
         return "1" if unit == "-" else unit
 
     def named(self, probe: str = "") -> str:
-        """Name of the result, at a probe or of the whole slice."""
+        """Name of the result, at a probe or for the whole slice."""
         return f"{self.name}_{probe}" if probe else self.name
 
     @property
     def of_strained(self) -> bool:
-        """Whether it is read off the strained slice as it is here."""
+        """Whether it is sampled from the strained slice at its present position."""
         return not self.of_way and not _strained().isdisjoint(self.needs)
 
     def value(self, sample: Any, probe: str = "") -> float | None:
         """Its value in SI from a sample (`castfem.runs.results.sample.Sample`).
 
-        None where it is of mechanics that have ended above.
+        None if it belongs to mechanics that have ended.
         """
         if sample.mechanics is None and self.of_strained:
             return None
         return self.compute(sample, probe) if probe else self.compute(sample)
 
     def in_unit(self, value: float | None) -> float:
-        """A value in SI as history.csv has it; NaN for none."""
+        """Convert a value from SI to the unit of history.csv; NaN for None."""
         if value is None:
             return float("nan")
         factor, zero = _scale(self.unit)
         return factor * float(value) - zero
 
     def result(self, value: float, probe: str = "", place: str = "") -> Quantity:
-        """A value in SI as a result, with its label and the unit in which it is shown."""
+        """Return a value in SI as a result, with its label and shown unit."""
         label = self.labels.get(probe, self.label.format(probe_label(probe)))
         return Quantity(value, self.shown or self.unit, f"{label}, {place}" if place else label)
 
@@ -159,31 +157,31 @@ _families: dict[re.Pattern[str], Callable[[int], QuantityDefinition]] = {}
 
 
 def quantity_family(pattern: re.Pattern[str], of: Callable[[int], QuantityDefinition]) -> None:
-    """Declare quantities at the probes whose names hold a number.
+    """Declare quantities at the probes whose names contain a number.
 
     Args:
-        pattern: Of their names; its groups are the number and the probe.
-        of: The definition by its number.
+        pattern: Pattern of the names; its groups are the number and the probe.
+        of: Returns the definition for a number.
     """
     _families[pattern] = of
 
 
 def _by_name() -> Mapping[str, QuantityDefinition]:
-    """All quantities, those of `MODULES` among them."""
+    """All quantities by name, including those of `MODULES`."""
     for module in MODULES:
         import_module(module)
     return _declared
 
 
 def declared() -> list[QuantityDefinition]:
-    """All quantities in the order of the columns: castfem's own as declared, then all others."""
+    """All quantities in the order of the columns: castfem's own first."""
     order = {module: i for i, module in enumerate(MODULES)}
     everything = _by_name().values()
     return sorted(everything, key=lambda d: order.get(d.compute.__module__, len(order)))
 
 
 def in_summary_order() -> list[QuantityDefinition]:
-    """The results in the order of summary.json: as declared, but for those put `after` another."""
+    """The results in the order of summary.json: as declared, except those with `after`."""
     rows = [d for d in declared() if d.row]
     ordered = [d for d in rows if not d.after]
     for definition in (d for d in rows if d.after):
@@ -193,9 +191,9 @@ def in_summary_order() -> list[QuantityDefinition]:
 
 
 def find(name: str) -> tuple[QuantityDefinition, str] | None:
-    """The definition behind the name of a column or result, and its probe; None if there is none.
+    """The definition and probe for the name of a column or result; None if unknown.
 
-    What is named so stands before what begins so: `gap_max` is no gap at a probe `max`.
+    Exact names take precedence over prefixes: `gap_max` is not a gap at a probe `max`.
     """
     everything = _by_name()
     exact = everything.get(name)
@@ -212,7 +210,7 @@ def find(name: str) -> tuple[QuantityDefinition, str] | None:
 
 
 def _find_known(name: str) -> QuantityDefinition | None:
-    """The definition behind a name, without a probe or at one that some section has."""
+    """The definition for a name, without a probe or at one of any section."""
     found = find(name)
     if found is None:
         return None
@@ -222,35 +220,35 @@ def _find_known(name: str) -> QuantityDefinition | None:
 
 
 def unit_of(name: str) -> str | None:
-    """A unit that measures a result, "1" for a plain number; None if there is no such result."""
+    """A unit of the dimension of a result, "1" for a plain number; None for unknown results."""
     definition = _find_known(name)
     return definition.measured if definition is not None and definition.row else None
 
 
 def usual_unit(name: str) -> str | None:
-    """The same of a result or column, at the probes also without the name of a probe."""
+    """The same for a result or column, at probes also without the name of the probe."""
     definition = _by_name().get(name) or _find_known(name)
     return None if definition is None else definition.measured
 
 
 def result_names() -> Iterator[str]:
-    """The names of results, those at probes without the images of symmetry."""
+    """The names of results; at probes without mirror images."""
     for d in declared():
         if d.row:
             yield from (d.named(probe) for probe in (PROBES if d.each else ("",)))
 
 
 def smooth_twins() -> dict[str, str]:
-    """Smooth twins of maxima, and of which."""
+    """Smooth approximations, with the maxima they belong to."""
     return {d.name: d.smooth_twin_of for d in declared() if d.smooth_twin_of}
 
 
 def fault(name: str, value: str) -> tuple[str, str] | None:
-    """The key of a reference that is wrong and why; None if it can be compared."""
+    """The faulty key of a reference and why; None if it can be compared."""
     unit = unit_of(name)
     if unit is None:
         near = units.nearest(name, result_names())
-        return "quantity", f'("{name}") is no result of a run{near}'
+        return "quantity", f'("{name}") is not a result of a run{near}'
     if units.parse_any(value)[1] == si_unit(unit):
         return None
     wanted = "a plain number" if unit == "1" else f'a unit such as "{unit}"'
@@ -258,7 +256,7 @@ def fault(name: str, value: str) -> tuple[str, str] | None:
 
 
 def general_label(name: str, label: str) -> str:
-    """What a result is called in whatever run: without the place where one run has it."""
+    """Label of a result for any run: without the place found in one run."""
     found = find(name)
     if found is None or found[0].place is None:
         return label
@@ -266,7 +264,7 @@ def general_label(name: str, label: str) -> str:
 
 
 def probe_label(probe: str) -> str:
-    """What a probe is called."""
+    """Label of a probe."""
     return probe.replace("mid_face", "mid-face").replace("_", " ")
 
 

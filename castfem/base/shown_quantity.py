@@ -1,4 +1,4 @@
-"""One result: a value in SI, and the unit in which it is shown."""
+"""A result: value in SI, unit in which it is shown, label, error."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 from castfem.base import units
 from castfem.base.shown_units import coherent
 
-_NONE = "-"  # how "no unit" is written
+_NONE = "-"  # dimensionless
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,17 +17,17 @@ class Quantity:
     """One result."""
 
     value: float  #: in SI; NaN when it does not exist
-    shown_unit: str  #: in which it is shown, "-" for none
-    label: str  #: what it is, for tables
-    #: of the value, in SI, of temperatures in K; None where `castfem error` has not been asked
+    shown_unit: str  #: unit in which it is shown, "-" for none
+    label: str  #: label in tables
+    #: error of the value, in SI (K for temperatures); None unless computed by `castfem error`
     error: float | None = None
-    #: how exactly the cells of the run resolve the value, likewise; None where that is not known.
-    #: It tells how many digits are printed, and is no error.
+    #: resolution of the value by the cells of the run, likewise; None if unknown. It determines the
+    #: printed digits and is not an error.
     resolution: float | None = None
 
     @property
     def unit(self) -> str:
-        """The unit of `value`, in SI; "-" for none."""
+        """SI unit of `value`; "-" for none."""
         return si_shown(self.shown_unit)
 
     @property
@@ -42,7 +42,7 @@ class Quantity:
 
     @property
     def shown_resolution(self) -> float | None:
-        """The resolution, likewise."""
+        """The resolution in `unit_of_difference(shown_unit)`."""
         return self._difference_shown(self.resolution)
 
     def _difference_shown(self, part: float | None) -> float | None:
@@ -58,7 +58,7 @@ class Quantity:
 
 @lru_cache(maxsize=256)
 def si_unit(unit: str) -> str:
-    """The SI unit that measures the same as `unit`, "1" for none."""
+    """The SI unit of the same dimension as `unit`, "1" for none."""
     return "1" if unit in (_NONE, "", "1") else units.parse_any(f"1 {unit}")[1]
 
 
@@ -69,14 +69,14 @@ def si_shown(unit: str) -> str:
 
 
 def from_si(value: float, unit: str) -> float:
-    """An SI value in a unit; what is not finite stays."""
+    """Convert an SI value to a unit; non-finite values are unchanged."""
     if not math.isfinite(value):
         return value
     return units.convert(value, si_unit(unit), "1" if unit in (_NONE, "") else unit)
 
 
 def to_si(value: float | None, unit: str) -> float:
-    """A value in a unit brought to SI; None becomes NaN."""
+    """Convert a value to SI; None becomes NaN."""
     if value is None or not math.isfinite(value):
         return math.nan
     return (
@@ -85,5 +85,5 @@ def to_si(value: float | None, unit: str) -> float:
 
 
 def unit_of_difference(unit: str) -> str:
-    """The unit in which two values in `unit` differ: K for temperatures."""
+    """The unit of the difference of two values in `unit`: K for temperatures."""
     return "K" if si_unit(unit) == "K" else unit

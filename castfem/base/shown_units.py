@@ -1,13 +1,13 @@
-"""In which units numbers are shown: those of the plant, SI, or a unit of one's own for some.
+"""Units in which numbers are shown: plant units, SI, or a choice of the user.
 
-Results are computed in SI and written to files in the units that docs/output.md names. What a
-person reads (tables, figures, the report) passes through the one choice here:
+Results are computed in SI and written to files in the units given in docs/output.md. Everything
+shown to a person (tables, figures, the report) is converted by the choice made here:
 
     with shown_in(ShownUnits.read("si")):
         scale = scale_of("mm", "shell_mid_face")
         scale(4.75), scale.unit          # 0.00475, "m"
 
-A choice is made once, by whoever was asked first: inside another `shown_in` it changes nothing.
+The outermost choice holds: inside another `shown_in` it changes nothing.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ KINDS: Mapping[str, str] = {
     "curvature": "1/m",
     "volume_flow": "m^3/s",
 }
-"""What may be measured, and its SI unit; pressure is a stress."""
+"""Physical quantities with their SI unit; pressure is a stress."""
 _NONE = ("-", "", "1", "percent", "%")
-_DIFFERENCE = "delta_"  # before the unit of a difference of two temperatures
+_DIFFERENCE = "delta_"  # prefix of the unit of a temperature difference
 _IN_WORDS = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?) (mm|m|degC|MPa)(?![\w/])")
 _PLACE = re.compile(r"x = (\S+), y = (\S+) mm")
 _FAR, _BELOW = 10.0, "below the meniscus"
@@ -53,18 +53,18 @@ _PREFIXED = re.compile(r"[kMGmu]?((?:N|J|W|Pa|m|s|K)(?:[ /^].*)?)")
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What turns a value into what is shown: factor * value - zero, in a unit."""
+    """Conversion of a value to the shown one: factor * value - zero, with its unit."""
 
-    unit: str  #: of what is shown
-    factor: float = 1.0  #: of the value in its documented unit
-    zero: float = 0.0  #: taken off
+    unit: str  #: shown unit
+    factor: float = 1.0  #: factor on the value in its documented unit
+    zero: float = 0.0  #: offset that is subtracted
 
     def __call__(self, value: Any) -> Any:
-        """A value, or an array of them, as it is shown."""
+        """Convert a value, or an array of them."""
         return self.factor * value - self.zero
 
     def back(self, shown: Any) -> Any:
-        """The inverse."""
+        """Inverse conversion."""
         return (shown + self.zero) / self.factor
 
 
@@ -72,17 +72,17 @@ class Scale:
 class ShownUnits:
     """A choice of units."""
 
-    system: str = "plant"  #: "plant" for the documented ones (mm, degC, MPa ...), or "si"
-    #: units of single kinds, of `KINDS`, and of quantities by their names, that go before; a name
-    #: without its probe (shell) is that at all probes
+    system: str = "plant"  #: "plant" for the documented units (mm, degC, MPa ...), or "si"
+    #: units of physical quantities (`KINDS`) and of results by name, which take precedence; a name
+    #: without its probe (shell) holds at all probes
     own: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def read(cls, given: object) -> ShownUnits:
-        """Reads "plant", "si", or a table of units by kind or name, with `system` among its keys.
+        """Read "plant", "si", or a table of units by quantity or name, also with the key `system`.
 
         Raises:
-            ValueError: It is none of these, or the unit of a kind measures something else.
+            ValueError: It is none of these, or a unit has another dimension.
         """
         if isinstance(given, ShownUnits):
             return given
@@ -102,21 +102,21 @@ class ShownUnits:
 
     @property
     def written(self) -> str | dict[str, str]:
-        """What `read` reads back."""
+        """Return the choice in the form that `read` takes."""
         return {"system": self.system, **self.own} if self.own else self.system
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What has a unit of its own and is no kind: names of quantities."""
+        """Names of results with a unit of their own."""
         return tuple(key for key in self.own if key not in KINDS)
 
     def of(self, usual: str, name: str = "") -> str:
         """The unit in which a quantity is shown.
 
         Args:
-            usual: Its documented unit. "K" is that of a difference of temperatures, as the
-                temperatures themselves are in degC.
-            name: Of the quantity, where it has one.
+            usual: Its documented unit. "K" is a temperature difference, as temperatures are in
+                degC.
+            name: Name of the quantity, if it has one.
         """
         if (self.system == "plant" and not self.own) or usual in _NONE:
             return usual
@@ -134,7 +134,7 @@ class ShownUnits:
 
 
 class UnitsNotation(Notation):
-    """How a choice of units is written in a case file."""
+    """Notation of a choice of units in a case file."""
 
     __slots__ = ()
     takes = '`"plant"`, `"si"`, or a table of units'
@@ -144,7 +144,7 @@ class UnitsNotation(Notation):
         return ShownUnits.read(given)
 
     def write(self, value: ShownUnits) -> str | dict[str, str]:
-        """Return what `read` reads back."""
+        """Return the choice in the form that `read` takes."""
         return value.written
 
     def json_schema(self) -> dict[str, Any]:
@@ -167,7 +167,7 @@ _chosen: ContextVar[ShownUnits | None] = ContextVar("shown_units", default=None)
 
 @contextmanager
 def shown_in(choice: ShownUnits) -> Iterator[None]:
-    """Show numbers in these units inside the block, unless a choice has been made around it."""
+    """Show numbers in these units inside the block, unless an outer block has made a choice."""
     if _chosen.get() is not None:
         yield
         return
@@ -185,21 +185,21 @@ def is_chosen() -> bool:
 
 
 def scale_of(usual: str, name: str = "") -> Scale:
-    """What turns a value in its documented unit into what is shown; `usual`, `name` as in `of`."""
+    """Return the conversion from the documented unit to the shown one; arguments as for `of`."""
     choice = _chosen.get()
     unit = usual if choice is None else choice.of(usual, name)
     return Scale(usual) if unit == usual else _scale(usual, unit)
 
 
 def said(value: float, unit: str, digits: str, name: str = "") -> str:
-    """A value in its documented unit as words have it: number and unit.
+    """Format a value in its documented unit as text: number and unit.
 
     Args:
-        value: What is said.
+        value: The value.
         unit: Its documented unit.
-        digits: How it is formatted in that unit (".1f"); in another one it has four digits. Below
-            a million no power of ten is printed.
-        name: Of the quantity.
+        digits: Its format in that unit (".1f"); in another unit it has four digits. Numbers below a
+            million have no exponent.
+        name: Name of the quantity.
     """
     scale = scale_of(unit, name)
     digits = digits if scale.unit == unit else ("+" if digits.startswith("+") else "") + ".4g"
@@ -210,20 +210,20 @@ def said(value: float, unit: str, digits: str, name: str = "") -> str:
 
 
 def place_said(position: float, *, near: str = ".6g", far: str = ".4g", beyond: float = 2.0) -> str:
-    """A position below the meniscus [m] in words: in mm, beyond so many metres in m."""
+    """A position below the meniscus [m] as text: in mm, above a limit in m."""
     if position > beyond:
         return said(position, "m", far, "position")
     return said(1e3 * position, "mm", near, "position")
 
 
 def below_meniscus(position: float, digits: str = ".6g") -> str:
-    """A position [m] as labels and messages have it, in documented units: mm, from 10 m on m."""
+    """A position [m] for labels and messages, in documented units: mm, from 10 m on m."""
     near = position < _FAR
     return f"{1e3 * position if near else position:{digits}} {'mm' if near else 'm'} {_BELOW}"
 
 
 def label_shown(label: str) -> str:
-    """The label of a result, the places and temperatures in it in the units that were chosen."""
+    """The label of a result, with places and temperatures in it in the chosen units."""
     if not is_chosen():
         return label.replace(" degC", " °C")
     label = _PLACE.sub(r"x = \1 mm, y = \2 mm", label)
@@ -231,7 +231,7 @@ def label_shown(label: str) -> str:
 
 
 def plain_unit(unit: str) -> str:
-    """A unit as figures write it."""
+    """A unit as written in figures."""
     return (
         unit.removeprefix(_DIFFERENCE)
         .replace("degC", "°C")
@@ -244,21 +244,21 @@ def plain_unit(unit: str) -> str:
 
 
 def documented(plain: str) -> str:
-    """The inverse of `plain_unit`."""
+    """Inverse of `plain_unit`."""
     for written, meant in (("°", "deg"), ("²", "^2"), ("³", "^3"), ("µ", "u"), ("%", "percent")):
         plain = plain.replace(written, meant)
     return plain
 
 
 def difference_of(unit: str) -> str:
-    """Unit of the difference of two values in a unit: K for K and degC."""
+    """Unit of the difference of two values: K for K and degC."""
     if unit in ("degC", "K"):
         return "K"
     return f"{_DIFFERENCE}{unit}" if unit.startswith("deg") and _measures(unit, "K") else unit
 
 
 def check(what: str, si: str, unit: str) -> None:
-    """Refuse the unit of another dimension."""
+    """Refuse a unit of another dimension."""
     try:
         units.convert(1.0, si, unit)
     except ValueError as error:
@@ -267,7 +267,7 @@ def check(what: str, si: str, unit: str) -> None:
 
 @lru_cache(maxsize=256)
 def coherent(unit: str) -> str:
-    """The SI unit of the same kind, by its usual name: "N" for kN, "N m" for kN m, "1" for none."""
+    """The usual SI unit of the same dimension: "N" for kN, "N m" for kN m, "1" for none."""
     if unit in _NONE:
         return "1"
     found = _PREFIXED.fullmatch(unit)

@@ -1,4 +1,4 @@
-"""Where the wall time goes: named sections, each charged only for what no inner section takes."""
+"""Wall-clock time of named sections, each without the time of inner sections."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TIME_LOOP = (*LIBRARIES, "law", "python", "time loop", "results")
 
 
 class _Section(AbstractContextManager[None]):
-    """A block that is charged to a section; a generator would take three times as long."""
+    """A timed block; a generator would take three times as long."""
 
     __slots__ = ("_name", "_watch")
 
@@ -28,11 +28,11 @@ class _Section(AbstractContextManager[None]):
 class Stopwatch:
     """Exclusive wall time of nested sections.
 
-    A section entered inside another stops the clock of the outer one, so the times of all sections
-    add up to the whole.
+    A section entered inside another stops the clock of the outer one, so that the times of all
+    sections add up to the total.
 
     Args:
-        clock: Tells the time, s; `time.process_time` where other work shares the machine.
+        clock: Returns the time, s; `time.process_time` if other work shares the machine.
     """
 
     def __init__(self, clock: Callable[[], float] = perf_counter) -> None:
@@ -61,17 +61,17 @@ class Stopwatch:
         self._stack.pop()
 
     def section(self, name: str) -> AbstractContextManager[None]:
-        """Charge the block to `name`."""
+        """Time the block as section `name`."""
         return _Section(self, name)
 
     def share(self, names: tuple[str, ...], of: tuple[str, ...] | None = None) -> float:
-        """Time of the sections `names` over that of `of` (all when None)."""
+        """Time of the sections `names` over that of `of` (all if None)."""
         whole = sum(t for n, t in self.seconds.items() if of is None or n in of)
         return sum(self.seconds.get(n, 0.0) for n in names) / whole if whole else 0.0
 
 
 def profile_table(watch: Stopwatch) -> str:
-    """Table of the sections, longest first, with their share of the whole."""
+    """Table of the sections, longest first, with their share of the total."""
     whole = sum(watch.seconds.values())
     lines = [f"{'section':<24}{'seconds':>10}{'share':>8}{'calls':>9}"]
     for name, seconds in sorted(watch.seconds.items(), key=lambda item: -item[1]):
@@ -83,7 +83,7 @@ def profile_table(watch: Stopwatch) -> str:
 
 
 def peak_memory() -> float:
-    """Largest resident memory this process has had, bytes."""
+    """Largest resident memory of this process so far, bytes."""
     import resource
     import sys
 

@@ -1,8 +1,8 @@
-"""A table is data once: headings, rows and notes, shown on a screen, in HTML and as CSV.
+"""Tables as data: headings, rows and notes, for the screen, HTML and CSV.
 
     say(console, Table(("roll", "position [m]"), [("1", "0.930"), ("2", "1.205")]))
 
-The page of `castfem report` shows the same data by its macro `table`.
+The page of `castfem report` shows the same data with its macro `table`.
 """
 
 from __future__ import annotations
@@ -22,25 +22,24 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _GAP = "  "  # between columns
-_WHOLE = "\N{NO-BREAK SPACE}"  # inside what no end of a line may part
+_WHOLE = "\N{NO-BREAK SPACE}"  # in texts that must stay on one line
 FAILED = "failed"
-"""Mark of a row: a run that has failed."""
+"""Mark of a row: a failed run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
     """Rows of cells below headings."""
 
-    heads: Sequence[str]  #: headings with their unit in brackets; empty for rows without a heading
-    rows: Sequence[Sequence[str]]  #: cells as they are printed; they may have several lines
+    heads: Sequence[str]  #: headings with their unit in brackets; empty for rows without headings
+    rows: Sequence[Sequence[str]]  #: printed cells; they may have several lines
     title: str = ""  #: above the table
-    #: numbers of columns that hold words, set to the left; numbers stand to the right
+    #: indices of text columns, aligned left; numbers are aligned right
     words: Sequence[int] = (0,)
-    #: so many columns stand first in each of the blocks into which a table is split that is wider
-    #: than the screen; 0: it is not split
+    #: number of leading columns repeated in each block when a wide table is split; 0: not split
     repeated: int = 0
     notes: Sequence[str] = ()  #: lines below it
-    #: what is special of a row (its number, -1) or a cell (row, column)
+    #: marks of a row (row, -1) or a cell (row, column)
     marks: Mapping[tuple[int, int], str] = field(default_factory=dict)
 
     @property
@@ -51,14 +50,14 @@ class Table:
 
     @property
     def numbers(self) -> set[int]:
-        """Numbers of the columns that hold numbers."""
+        """Indices of the columns of numbers."""
         count = len(self.heads or (self.rows or ((),))[0])
         return set(range(count)) - {i % count for i in self.words}
 
     def lines(self, width: int | None = None) -> list[str]:
-        """The lines of text, as wide as they must be or so many characters.
+        """The lines of text, of natural width or limited to a number of characters.
 
-        Where it is too wide cells go on in the next line, between words; no word is cut.
+        In a narrow table cells continue in the next line; words are not divided.
         """
         return [text for text, _ in self.styled(width)]
 
@@ -87,7 +86,7 @@ class Table:
                 yield "", ""
 
     def _behind_labels(self, width: int | None) -> Iterator[str]:
-        """Rows without headings: the last cell goes on in further lines, further to the left."""
+        """Rows without headings: the last cell continues in further, indented lines."""
         *columns, _ = self.columns
         block = range(len(columns))
         for row in self.rows:
@@ -95,7 +94,7 @@ class Table:
             if width is None:
                 yield (start + row[-1]).rstrip().replace(_WHOLE, " ")
                 continue
-            # Further lines stand behind the label where that leaves them 42 characters.
+            # Further lines are indented to the label's width if that leaves 42 characters.
             indent = " " * (len(start) if width - len(start) >= 42 else 11)
             for line in _wrapped(row[-1], width, start, indent):
                 yield line.replace(_WHOLE, " ")
@@ -107,12 +106,12 @@ class Table:
         return text.getvalue()
 
     def write_csv(self, path: Path) -> Path:
-        """Write it as comma-separated values."""
+        """Write the table as comma-separated values."""
         write_text(path, self.csv(), durable=False)
         return path
 
     def _blocks(self, columns: Sequence[Sequence[str]], width: int | None) -> list[list[int]]:
-        """Numbers of the columns that stand side by side: in few blocks of equal width."""
+        """Indices of the columns of each block: few blocks of about equal width."""
         every = list(range(len(columns)))
         if width is None or not self.repeated:
             return [every]
@@ -129,7 +128,7 @@ class Table:
     def _row(
         self, row: Sequence[str], block: Sequence[int], widths: Sequence[int], padded: bool = False
     ) -> list[str]:
-        """The lines of a row; padded with the gap to what comes behind."""
+        """The lines of a row; with padding before the next column."""
         numbers = self.numbers
         cells = [
             [part for line in row[i].split("\n") for part in _wrapped(line, width, "", "")]
@@ -148,20 +147,20 @@ class Table:
 
 
 def pairs(rows: Sequence[tuple[str, str]], title: str = "") -> Table:
-    """A table without headings, of labels and what belongs to them in words."""
+    """A table without headings, of labels and texts."""
     return Table((), rows, title, words=(0, 1))
 
 
 def listed(label: str, entries: Sequence[str]) -> Table:
-    """Entries behind a label, with commas between them; no end of a line parts an entry."""
+    """Entries after a label, separated by commas; no entry is divided between lines."""
     return pairs([(label, ", ".join(entry.replace(" ", _WHOLE) for entry in entries))])
 
 
 def say(out: Console, *parts: Table | str, style: str = "") -> None:
-    """Print tables and lines: lines as they are, for paths stay whole.
+    """Print tables and lines; lines are not wrapped, since paths must stay whole.
 
-    Tables are as wide as the screen. Rows that go into a file or to another program stay whole;
-    a table that can be split into blocks is as wide as the console there, too.
+    Tables fit the screen. Rows printed to a file or another program are not wrapped; a table that
+    can be split into blocks has the width of the console there, too.
     """
     for part in parts:
         if isinstance(part, str):
@@ -178,7 +177,7 @@ def _widest(column: Sequence[str]) -> int:
 
 
 def _widths(columns: Sequence[Sequence[str]], width: int | None) -> list[int]:
-    """Widths of columns that share a width; at least those of their longest words."""
+    """Widths of columns within a total width; at least those of their longest words."""
     wishes = [_widest(column) for column in columns]
     if width is None or sum(wishes) + len(_GAP) * (len(columns) - 1) <= width:
         return wishes
@@ -192,7 +191,7 @@ def _widths(columns: Sequence[Sequence[str]], width: int | None) -> list[int]:
 
 
 def _wrapped(text: str, width: int, start: str, indent: str) -> list[str]:
-    """The lines of a text behind its start, between words; further ones are indented."""
+    """The lines of a text after its start, broken between words; further ones are indented."""
     if len(start) + len(text) <= width:
         return [start + text]
     indent += text[: len(text) - len(text.lstrip(" "))]

@@ -1,4 +1,4 @@
-"""How a case file gives a quantity that depends on temperature, time or a place.
+"""Notation of quantities that depend on temperature, time or position in a case file.
 
 In a case file such a quantity is a single value, two columns with their units named once,
 
@@ -32,8 +32,8 @@ class Curve(Notation):
     """Annotation of a field that takes a single value or a `Table`."""
 
     kind: Kind  #: unit and bounds of the value
-    over: str  #: what a table of it depends on, "temperature", "time" or "position"
-    others: tuple[str, ...] = ()  #: what a table may depend on instead
+    over: str  #: argument of a table, "temperature", "time" or "position"
+    others: tuple[str, ...] = ()  #: other allowed arguments
 
     @property
     def quantity(self) -> Kind:
@@ -42,7 +42,7 @@ class Curve(Notation):
 
     @property
     def arguments(self) -> str:
-        """What a table of it may depend on, in words."""
+        """Allowed arguments of a table, as text."""
         *most, last = (self.over, *self.others)
         return f"{', '.join(most)} or {last}" if most else last
 
@@ -66,7 +66,7 @@ class Curve(Notation):
         return Table(over, x, y)
 
     def _over(self, given: object) -> str:
-        """What a table that is given depends on, of what it may."""
+        """Argument of a given table."""
         over = self.over
         for other in self.others:
             of_other = isinstance(given, Table) and given.over == other
@@ -105,7 +105,7 @@ def _columns(
 ) -> tuple[dict[str, Any], Sequence[str]]:
     """Return the columns and their units, from the table itself or from its file.
 
-    With them where each row stands, "line 3"; nothing of the table itself.
+    The place of each row, "line 3", is returned as well; empty for the table itself.
     """
     if "file" in given:
         if len(given) > 1:
@@ -123,7 +123,7 @@ def _columns(
 
 
 def _check(over: str, x: Sequence[float], y: Sequence[float], places: Sequence[str] = ()) -> None:
-    """Refuse rows that are too few or do not increase, by their place or number."""
+    """Refuse too few rows, or rows that do not increase, by their place or number."""
     if len(x) != len(y):
         raise ValueError(f"{len(x)} rows of {over}, but {len(y)} of value")
     if len(x) < 2:
@@ -136,7 +136,7 @@ def _check(over: str, x: Sequence[float], y: Sequence[float], places: Sequence[s
 
 
 def _place(places: Sequence[str], number: int) -> str:
-    """Where a row stands, counted from 0: its line, or its number where there is none."""
+    """Place of a row, counted from 0: its line, or its number if there is none."""
     return places[number] if places else f"row {number + 1}"
 
 
@@ -151,11 +151,11 @@ def schema_of_columns(
     """Return the JSON schemas of a table in a file, and of one in columns.
 
     Args:
-        names: Of the columns.
-        others: Keys that may stand beside them, such as that of a unit.
-        needed: Columns that may not be left out; by default none may.
-        cells: What may stand in a column, by its name in JSON.
-        least: Rows there must be.
+        names: Names of the columns.
+        others: Further allowed keys, such as that of a unit.
+        needed: Required columns; all by default.
+        cells: JSON types of the cells in a column.
+        least: Smallest number of rows.
     """
     column: dict[str, Any] = {"type": "array", "items": {"type": list(cells)}}
     if least:
@@ -184,9 +184,9 @@ def _written(values: tuple[float, ...], kind: Kind) -> tuple[list[float], str | 
     return (list(numbers), kind.shown) if numbers else (list(values), kind.unit)
 
 
-@lru_cache(maxsize=32)  # a run writes its case several times, a long table takes seconds
+@lru_cache(maxsize=32)  # a run writes its case several times; a long table takes seconds
 def _shown(values: tuple[float, ...], kind: Kind) -> tuple[float, ...]:
-    """Return a column in the unit in which it is shown; () if other floats would be read back."""
+    """Return a column in its shown unit; () if other floats would be read back."""
     numbers = tuple(float(f"{units.convert(v, kind.unit, kind.shown):.12g}") for v in values)
     return numbers if _column("value", numbers, kind.shown, kind) == values else ()
 
@@ -194,7 +194,7 @@ def _shown(values: tuple[float, ...], kind: Kind) -> tuple[float, ...]:
 def _column(
     name: str, cells: object, unit: object, kind: Kind, places: Sequence[str] = ()
 ) -> tuple[float, ...]:
-    """Read one column in SI; `unit` is that of bare numbers, None if there is none."""
+    """Read one column in SI; `unit` is that of plain numbers, None if there is none."""
     if not isinstance(cells, Sequence) or isinstance(cells, str):
         raise ValueError(f"'{name}' must be a list of values")
     if not cells:
@@ -219,7 +219,7 @@ def _column(
 
 
 def _all_numbers(cells: Sequence[object], unit: str, kind: Kind) -> tuple[float, ...]:
-    """Return a column of numbers of one unit; () if a cell is something else or a fault."""
+    """Return a column of numbers of one unit; () if a cell is faulty or something else."""
     numbers = [
         cell
         for cell in cells
@@ -234,7 +234,7 @@ def _all_numbers(cells: Sequence[object], unit: str, kind: Kind) -> tuple[float,
         kind.bounded(min(found))
         kind.bounded(max(found))
     except ValueError:
-        return ()  # whatever is wrong is said of its row
+        return ()  # errors are reported by row
     return found
 
 
@@ -246,7 +246,7 @@ def _no_unit(name: str, kind: Kind) -> NoReturn:
 def _columns_of_file(path: Path, over: str, kind: Kind) -> tuple[dict[str, Any], Sequence[str]]:
     """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
 
-    The second column may have any name. A cell with a unit of its own stays a text.
+    The second column may have any name. A cell with its own unit stays a text.
     """
     try:
         file = read_csv(path)
@@ -255,7 +255,7 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> tuple[dict[str, Any],
     header = f"{over} [unit], value [unit]"
     if not file.headings:
         raise ValueError(f"'{path}' is empty; its first line must be '{header}'")
-    # The values may be called what they are, "flux": their unit tells whether they are that.
+    # The column of values may have the quantity's name, "flux", if its unit agrees.
     if len(file.headings) != 2 or file.headings[0].name != over or not file.headings[1].name:
         raise ValueError(f"the first line of '{path}' must be '{header}', not '{file.first}'")
     columns: dict[str, Any] = {over: [], "value": []}
@@ -286,7 +286,7 @@ def _number_or_text(cell: str) -> float | str:
 
 
 def _first_of_file(path: object) -> str | None:
-    """Name of the first column of a CSV file; None of one that `Curve` will refuse."""
+    """Name of the first column of a CSV file; None if `Curve` will refuse it."""
     try:
         headings = read_csv(Path(str(path))).headings if isinstance(path, str) else []
     except UnreadableError:

@@ -1,4 +1,4 @@
-"""Quantities that depend on temperature, time or a place: constant, or linear between rows."""
+"""Functions of temperature, time or position: constant, or linear between rows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from castfem.base.quantities import Kind
 from castfem.base.types import Array
 
 Side = Literal["above", "below"]
-"""Of an argument at which a value jumps: the side on which it is taken."""
+"""The side on which the value is taken at an argument where it jumps."""
 
 ARGUMENTS = {
     "temperature": Kind("K", "degC"),
@@ -27,12 +27,12 @@ ARGUMENTS = {
     "depth": Kind("m", "mm", least=0.0),
     "way": Kind("m", "mm", least=0.0),
 }
-"""What a table may depend on, in which unit."""
+"""Possible arguments of a table, with their units."""
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """The same value everywhere; it has no kinks and no end."""
+    """The same value everywhere, without kinks or end."""
 
     value: float
     kinks: tuple[float, ...] = ()
@@ -42,7 +42,7 @@ class Constant:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The one value."""
+        """The value."""
         return (self.value,)
 
     @overload
@@ -60,19 +60,19 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A quantity given in rows: linear between them, or its logarithm is.
+    """A quantity given in rows; it or its logarithm is linear between them.
 
     Raises:
-        ValueError: If the rows do not match, do not increase, or have no logarithm.
+        ValueError: Arguments and values differ in number, arguments do not increase, or a value has
+            no logarithm.
     """
 
-    over: str  #: what it depends on, one of `ARGUMENTS`
+    over: str  #: its argument, one of `ARGUMENTS`
     arguments: tuple[float, ...]  #: strictly increasing, SI
-    values: tuple[float, ...]  #: SI, as many as arguments, at least one
-    #: the logarithm is linear: levels that fall by a factor from row to row (strengths, creep
-    #: rates)
+    values: tuple[float, ...]  #: SI, one per argument, at least one
+    #: the logarithm is linear: for values that fall by a factor per row (strengths, creep rates)
     logarithmic: bool = False
-    #: beyond the rows nothing is known; otherwise the end values go on
+    #: refuse arguments outside the rows; otherwise the end values hold there
     refuse_outside: bool = False
     _rows: tuple[Array, Array] = field(init=False, repr=False, compare=False)
 
@@ -86,16 +86,16 @@ class Table:
             raise ValueError("only positive values have a logarithm")
         y = np.array(self.values)
         rows = np.array(x), np.log(y) if self.logarithmic else y
-        object.__setattr__(self, "_rows", rows)  # tuples of many rows would be turned at each call
+        object.__setattr__(self, "_rows", rows)  # avoids conversion of long tuples at each call
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Arguments at which its slope jumps: the rows."""
+        """Arguments at which the slope jumps: the rows."""
         return self.arguments
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        """Arguments at which its value jumps: none."""
+        """Arguments at which the value jumps: none."""
         return ()
 
     @property
@@ -105,7 +105,7 @@ class Table:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First and last argument at which it is known."""
+        """First and last argument for which it is known."""
         return (self.arguments[0], self.arguments[-1]) if self.refuse_outside else (0.0, math.inf)
 
     @overload
@@ -120,7 +120,7 @@ class Table:
         """Return the value at one argument (K, s or m), or at each of an array.
 
         Raises:
-            ValueError: An argument lies outside of the rows, and the table is refused there.
+            ValueError: An argument is outside the rows of a table that refuses this.
         """
         if self.refuse_outside:
             self._refuse(np.asarray(argument, float))
@@ -138,7 +138,7 @@ class Table:
         )
         raise ValueError(
             f"the table goes from {low} to {high} {kind.shown}, "
-            f"asked for {least} to {most} {kind.shown}"
+            f"needed {least} to {most} {kind.shown}"
         )
 
 
@@ -147,7 +147,7 @@ Tabled = float | Table
 
 
 def as_function(value: Tabled) -> Constant | Table:
-    """Return a value that was given as one number or a table, as a function of its argument."""
+    """Return a number or table as a function of its argument."""
     return value if isinstance(value, Table) else Constant(value)
 
 

@@ -1,4 +1,4 @@
-"""Kinds of arrays, and words that several tables share, for annotations."""
+"""Types of arrays and literals that several tables share."""
 
 from __future__ import annotations
 
@@ -12,4 +12,4 @@ Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]
 
 MushyZone = Literal["skeleton", "geometric", "linear", "none"]
-"""What the mushy zone bears, see `castfem.physics.constitutive.elasticity.Solidity`."""
+"""Models of the mushy zone, see `castfem.physics.constitutive.elasticity.Solidity`."""

@@ -1,12 +1,11 @@
 """Quantities with units, as users write them: "3.6 m/min", "160 degC", "0.15 W/(m K)".
 
 Inside castfem every number is in SI (K, m, s, J, W, Pa, kg); units exist at the border only.
-`parse` reads a quantity and checks its dimension, `format` writes one that reads back exactly.
+`parse` reads a quantity and checks its dimension; `format` writes one that reads back exactly.
 
-A temperature and a difference of temperatures are two things: "160 degC" is 433.15 K, but a
-difference is written in kelvin, "40 K". Conversions are carried out in exact fractions, so that
-"0.3 mm" is the float nearest to 0.0003. pint is imported at the first unit that is not among the
-most common ones.
+A temperature and a temperature difference are different things: "160 degC" is 433.15 K, but a
+difference is written in kelvin, "40 K". Conversions use exact fractions, so that "0.3 mm" is the
+float nearest to 0.0003. pint is imported at the first unit that is not among the most common ones.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ if TYPE_CHECKING:
     import pint
 
 
-# Unit -> factor to SI, and the names of the SI units it may be read in: first that of its dimension
-# among `units.NAMES`, then others of the same dimension.
+# Unit -> factor to SI, and the SI units of the same dimension: first the one in `units.NAMES`, then
+# others.
 _WRITTEN = {
     "%": ("1/100", "1"), "percent": ("1/100", "1"), "%/m": ("1/100", "1/m"),
     "percent/m": ("1/100", "1/m"), "1/m": ("1", "1/m"), "1/K": ("1", "1/K"), "1/s": ("1", "1/s"),
@@ -48,9 +47,9 @@ COMMON: Mapping[str, tuple[Fraction, tuple[str, ...]]] = {
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*")
 
 LARGEST = 1e300
-"""Of a number in any unit."""
+"""Largest number, in any unit."""
 
-# SI unit -> (what it measures, how a user may write it)
+# SI unit -> (quantity, example of a value)
 NAMES: dict[str, tuple[str, str]] = {
     "1": ("number without unit", "0.8"),
     "K": ("temperature", "160 degC"),
@@ -79,7 +78,7 @@ NAMES: dict[str, tuple[str, str]] = {
     "m^3/s": ("volume flow", "240 L/min"),
 }
 
-# Units and combinations that the field writes; the nearest of them is proposed for a misspelt one.
+# Usual units; the nearest one is proposed for a misspelt unit.
 _KNOWN = {
     *("m", "mm", "cm", "um", "km", "inch", "ft", "s", "ms", "min", "hour", "m/min", "m/s", "mm/s"),
     *("K", "degC", "degF", "degR", "W", "kW", "MW", "J", "kJ", "MJ", "Pa", "kPa", "MPa", "GPa"),
@@ -87,12 +86,12 @@ _KNOWN = {
     *("W/m^2", "kW/m^2", "MW/m^2", "W/(m^2 K)", "kW/(m^2 K)", "W/(m K)", "J/(kg K)", "kJ/(kg K)"),
     *("J/kg", "kJ/kg", "kg/m^3", "L/(m^2 s)", "L/min", "percent/m", "1/K", "1/s"),
 }
-# Scale and offset to kelvin of the scales that do not begin at absolute zero.
+# Scale and offset to kelvin of temperature scales that do not begin at absolute zero.
 _OFFSET_SCALES = {
     "degree_Celsius": (Fraction(1), Fraction(27315, 100)),
     "degree_Fahrenheit": (Fraction(5, 9), Fraction(45967, 180)),
 }
-_ROUNDING = Fraction(1, 10**15)  # of pint's factors, which are products of a few floats
+_ROUNDING = Fraction(1, 10**15)  # of pint's factors, which are products of several floats
 
 
 @lru_cache(maxsize=1)
@@ -103,7 +102,7 @@ def _registry() -> pint.UnitRegistry:
 
 
 def _tidy(unit: str) -> str:
-    """Rewrite spellings pint does not know: "m2" is m^2, "°C" degC, a raised dot a product."""
+    """Rewrite spellings unknown to pint: "m2" is m^2, "°C" degC, a raised dot a product."""
     for written, meant in (("°", "deg"), ("·", " "), ("⋅", " "), ("μ", "u"), ("µ", "u")):
         unit = unit.replace(written, meant)
     if unit.startswith("/"):
@@ -112,7 +111,7 @@ def _tidy(unit: str) -> str:
 
 
 def _unknown(unit: str) -> str:
-    """Say that `unit` is not understood, and name the nearest one that is."""
+    """Message for an unknown unit, with the nearest known one."""
     known = {_letters(name): name for name in sorted(_KNOWN, reverse=True)}
     near = difflib.get_close_matches(_letters(_tidy(unit)), known, n=1, cutoff=0.7)
     text = f"unit '{unit}' is not known"
@@ -122,9 +121,9 @@ def _unknown(unit: str) -> str:
 
 
 def _meant(unit: str, example: str, target: pint.Unit) -> str:
-    """Return a unit of the right dimension that a wrong one may stand for; "" where none is near.
+    """Return a unit of the right dimension that a wrong one may stand for; "" if none is near.
 
-    The unit is the one with the divisor of the example ("%/m" for "%"), or one of the same letters
+    This is the unit with the divisor of the example ("%/m" for "%"), or one with the same letters
     ("W/(m K)" for "W/mK").
     """
     per = example.partition("/")[2]
@@ -134,11 +133,11 @@ def _meant(unit: str, example: str, target: pint.Unit) -> str:
     return next((one for one in whole + alike if _parse_unit(one).dimensionality == right), "")
 
 
-_NEAR = 0.6  # of the letters of both: "stirrer" is not "water", of which it has half
+_NEAR = 0.6  # similarity of the letters: "stirrer" is not "water", with which it shares half
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Return "; did you mean X?" for the allowed name nearest to `name`, empty if none is near."""
+    """Return "; did you mean X?" with the allowed name nearest to `name`, "" if none is near."""
     bare = {_stem(choice): choice for choice in allowed}
     lower = {choice.lower(): choice for choice in bare}
     near = difflib.get_close_matches(_stem(name), bare, 1, _NEAR)
@@ -148,12 +147,12 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 
 
 def _stem(name: str) -> str:
-    """Return a name without the ending of a file, which says nothing of how near two are."""
+    """Return a name without its file ending, which would distort the similarity."""
     return name.removesuffix(".toml").removesuffix(".csv")
 
 
 def _letters(unit: str) -> str:
-    """Return the letters and digits of a unit alone: "W/m2K" and "W/(m^2 K)" become one."""
+    """Return only the letters and digits of a unit: "W/m2K" and "W/(m^2 K)" become equal."""
     return re.sub(r"[^a-z0-9]", "", unit.lower())
 
 
@@ -162,19 +161,19 @@ def _a(name: str) -> str:
 
 
 def _parse_unit(unit: str) -> pint.Unit:
-    """Return pint's unit for a text, or raise ValueError with the nearest known spelling."""
+    """Return pint's unit for a text; raise ValueError with the nearest known spelling."""
     if len(unit) > 60:
         raise ValueError(f"'{unit[:20]}...' is too long for a unit")
     try:
         return _registry().parse_units(_tidy(unit))
     except RecursionError:
         raise
-    except Exception as error:  # pint's tokenizer lets assertions, token and key errors through
+    except Exception as error:  # pint's tokenizer raises assertion, token and key errors
         raise ValueError(_unknown(unit)) from error
 
 
 def _name_of(unit: pint.Unit) -> str:
-    """Return what a unit measures ("length"), empty when that has no common name."""
+    """Return the quantity of a unit ("length"), "" if it has no common name."""
     registry = _registry()
     for si, (name, _) in NAMES.items():
         if si == "1":
@@ -187,7 +186,7 @@ def _name_of(unit: pint.Unit) -> str:
 
 
 def _exact(factor: float) -> Fraction:
-    """Return the simple fraction a conversion factor stands for (1/60 for 0.01666...)."""
+    """Return the simple fraction of a conversion factor (1/60 for 0.01666...)."""
     exact = Fraction(factor)
     for digits in range(0, 16, 3):
         simple = exact.limit_denominator(10**digits)
@@ -197,7 +196,7 @@ def _exact(factor: float) -> Fraction:
 
 
 def describe(si: str, difference: bool) -> tuple[str, str]:
-    """Return the name of what is measured in the SI unit and an example of it."""
+    """Return the name of the quantity of an SI unit, and an example."""
     if difference:
         return "temperature difference", "40 K"
     return NAMES.get(si, (f"quantity in {si}", f"1 {si}"))
@@ -238,16 +237,16 @@ def _conversion(
 
 
 def split(text: str) -> tuple[str, str]:
-    """Split a quantity into its number and its unit (empty when there is none)."""
+    """Split a quantity into its number and its unit ("" if there is none)."""
     found = _QUANTITY.fullmatch(text)
     if not found:
         raise ValueError(f'"{text}" does not begin with a number')
     number, unit = found.groups()
     if re.match(r",\d", unit):
         raise ValueError(
-            f'"{text.strip()}" has a comma; write a decimal point, and thousands without a mark'
+            f'"{text.strip()}" has a comma; use a decimal point and no thousands separators'
         )
-    return number, "" if unit == "-" else unit  # so written where a unit has to stand
+    return number, "" if unit == "-" else unit  # a placeholder for no unit
 
 
 def parse(
@@ -256,18 +255,19 @@ def parse(
     """Read a quantity in SI.
 
     Args:
-        text: What the user wrote: a text of number and unit; a bare number if `unit` is "1".
-        unit: The SI unit in which the value is returned, such as "m" or "W/(m^2 K)"; it gives
-            the dimension that the text must have. "1" is a number without dimension.
-        difference: With `unit` "K": the text is a difference of temperatures, not a temperature.
-        kind: Name and example for messages, where the unit does not tell ("water flow per area").
+        text: The quantity as written by the user: number and unit; a plain number if `unit` is "1".
+        unit: SI unit of the returned value, such as "m" or "W/(m^2 K)", which also sets the
+            required dimension. "1" is a dimensionless number.
+        difference: With `unit` "K": the text is a temperature difference, not a temperature.
+        kind: Name and example for messages, if the unit alone is not enough ("water flow per
+            area").
 
     Returns:
         The value in `unit`; finite.
 
     Raises:
-        ValueError: No or unknown unit, another dimension, no number, not finite, or below the
-            absolute zero of temperature. The text says what is wrong and how to write it.
+        ValueError: Missing or unknown unit, another dimension, not a number, not finite, or below
+            absolute zero. The text says what is wrong and how to write it.
     """
     name, example = kind or describe(unit, difference)
     if isinstance(text, Mapping | Sequence) and not isinstance(text, str):
@@ -289,10 +289,10 @@ def parse(
 def parse_numbers(
     numbers: Sequence[float], written: str, unit: str, *, difference: bool = False
 ) -> tuple[float, ...]:
-    """Read many finite numbers of one unit in SI: what `parse` makes of each, sooner.
+    """Convert many finite numbers of one unit to SI, faster than `parse`.
 
     Raises:
-        ValueError: The unit is unknown, or of another dimension, or one is below absolute zero.
+        ValueError: The unit is unknown or of another dimension, or a value is below absolute zero.
     """
     scale, offset = _conversion(written, unit, difference)
     found = tuple(map(float, numbers))
@@ -318,11 +318,12 @@ def _check(value: float, unit: str, difference: bool) -> float:
 
 
 def parse_any(text: object) -> tuple[float, str]:
-    """Read a quantity of whatever dimension.
+    """Read a quantity of any dimension.
 
     Returns:
-        The value in SI base units and the name of that SI unit ("1" for a plain number). A unit
-        of temperature alone is read as a temperature, not as a difference; kelvins may be below 0.
+        The value in SI base units and the name of that SI unit ("1" for a plain number). A single
+            unit
+        of temperature means a temperature, not a difference; kelvins may be below 0.
 
     Raises:
         ValueError: As `parse`.
@@ -333,13 +334,13 @@ def parse_any(text: object) -> tuple[float, str]:
     if not written:
         return parse(text, "1"), "1"
     si = _si_of(written)
-    # Kelvins below 0 can only be a difference, such as a superheat that a search may vary.
+    # Kelvins below 0 can only be a difference, such as a superheat varied by a search.
     return parse(text, si, difference=written == "K"), si
 
 
 @lru_cache(maxsize=1024)  # a sweep reads the same units again for each of its cases
 def _si_of(unit: str) -> str:
-    """Return the name of the SI unit of the same dimension, as `parse_any`."""
+    """Return the SI unit of the same dimension, as `parse_any`."""
     if unit in COMMON:
         return COMMON[unit][1][0]
     if unit == "degC":
@@ -355,9 +356,9 @@ def _si_of(unit: str) -> str:
 
 
 def number_in(text: object, unit: str) -> float | None:
-    """Return a quantity as a number of a unit, "" for none; None of what measures something else.
+    """Return a quantity as a number in a unit ("" for none); None for another dimension.
 
-    A table, a word or nothing is no quantity either.
+    None also for a table or a word.
     """
     try:
         value, si = parse_any(text)
@@ -373,27 +374,27 @@ def convert(value: float, si: str, unit: str, *, difference: bool = False) -> fl
 
 
 def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
-    """Return what turns many SI values into a unit: factor * value - zero; (1.0, 273.15) to degC.
+    """Return factor and zero for many SI values: factor * value - zero; (1.0, 273.15) to degC.
 
-    `convert` rounds once and takes its time; this rounds the factor, and is quick.
+    `convert` rounds once but is slow; this rounds the factor and is fast.
     """
     scale, offset = _conversion("" if unit == "1" else unit, si, False)
     return float(1 / scale), float(offset / scale)
 
 
 def in_mm(length: float) -> str:
-    """Format a length, m, as messages show it: in mm, with nine digits."""
+    """Format a length, m, for messages: in mm, with nine digits."""
     return f"{1e3 * length:.9g} mm"
 
 
 def format(value: float, unit: str, shown: str = "", *, difference: bool = False) -> str:
-    """Write an SI value as a text that `parse` reads back to the very same float.
+    """Write an SI value as a text that `parse` reads back to the same float.
 
     Args:
-        value: In SI.
-        unit: Its SI unit, "1" for none.
-        shown: The unit to write it in; the SI unit is taken where a round number in `shown`
-            would not give the same float back.
+        value: Value in SI.
+        unit: SI unit, "1" for none.
+        shown: Unit to write it in; the SI unit is used if a round number in `shown` would not read
+            back to the same float.
         difference: As in `parse`.
     """
     for name in (shown, unit):

@@ -1,4 +1,4 @@
-"""The command line. Exit status 0: well; 1: what the user gave cannot be used; 2: failed."""
+"""The command line. Exit status 0: success; 1: invalid input; 2: failure."""
 
 from __future__ import annotations
 
@@ -23,26 +23,29 @@ ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "s
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave the process with its exit status."""
+    """Run the command line and exit the process with its status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     process.keep_hangup()
-    os.environ.pop("MPLBACKEND", None)  # commands write pictures; Jupyter hands its display to all
-    for stream in (sys.stdout, sys.stderr):  # None where it is closed
-        if isinstance(stream, io.TextIOWrapper):  # a letter that the terminal has not: "?"
+    # commands write pictures; Jupyter passes its display to all programs
+    os.environ.pop("MPLBACKEND", None)
+    for stream in (sys.stdout, sys.stderr):  # None if closed
+        # "?" for characters that the terminal does not have
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
-    if parallel.rank_and_size()[1] == 1:  # a rank that is ended takes the others with it
+    if parallel.rank_and_size()[1] == 1:  # otherwise the end of one rank ends the others
         process.stop_by_all()
     status = execute(words)
     if status == _INTERRUPTED:
-        signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # a batch system's reaches a rank twice
+        # a signal of a batch system reaches a rank twice
+        signal.signal(signal.SIGUSR1, signal.SIG_IGN)
     if status != 0 and _on_all_ranks(words):
         parallel.settle()
-    gc.freeze()  # the end of the process frees all at once: not worth a search for garbage
+    gc.freeze()  # the process end frees all memory: no search for garbage
     sys.exit(status)
 
 
 def _on_all_ranks(words: Sequence[str]) -> bool:
-    """Return whether it is done by all ranks: runs and hot tubes are, the rest by rank 0 alone."""
+    """Whether all ranks execute a command: runs and hot tubes; the rest is for rank 0 alone."""
     if words[:1] == ["mould"]:
         return "--hot" in words or "--coupled" in words
     return bool(words) and words[0] in ALL_RANKS
@@ -64,7 +67,7 @@ def execute(arguments: Sequence[str] | None = None) -> int:
             parallel.check_launcher()
         status = app(args=words or ["--help"], prog_name="castfem", standalone_mode=False)
         return status if isinstance(status, int) else 0
-    except SystemExit as stop:  # after the answer to a shell's completion, and at a closed pipe
+    except SystemExit as stop:  # after shell completion, and at a closed pipe
         return stop.code if isinstance(stop.code, int) else 0
     except click.exceptions.Abort as abort:
         cause = abort.__cause__
@@ -82,7 +85,7 @@ def execute(arguments: Sequence[str] | None = None) -> int:
 
 
 def _failed(error: Exception, first: bool, words: Sequence[str]) -> int:
-    """Print an error, on the first rank, and return the exit status it stands for."""
+    """Print an error on the first rank; return its exit status."""
     if not first:
         return _status(error)
     hint = HINT if words[:1] == ["run"] else ""  # no other command takes -v
@@ -118,7 +121,7 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
             traceback.print_exception(error)
         print(
             f"{prefix}unexpected {_unexpected(error)}\n"
-            f"This is a fault of castfem, not yours: please report it{'' if verbose else hint}.",
+            f"This is a bug in castfem: please report it{'' if verbose else hint}.",
             file=sys.stderr,
         )
     sys.stderr.flush()
@@ -126,7 +129,7 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
 
 
 def _unexpected(error: Exception) -> str:
-    """Kind and message of an error, and where it was raised: file, line and function."""
+    """Kind and message of an error, and file, line and function where it was raised."""
     said = ": ".join(part for part in (type(error).__name__, str(error)) if part)
     frames = traceback.extract_tb(error.__traceback__)
     if not frames:
@@ -139,10 +142,10 @@ def _unexpected(error: Exception) -> str:
 
 
 _GOES_ON = {
-    **dict.fromkeys(("sweep", "error", "optimise", "calibrate"), "the same command again"),
+    **dict.fromkeys(("sweep", "error", "optimise", "calibrate"), "the same command"),
     **{name: f"`castfem {name} ... --resume`" for name in ("run", "sensitivity", "caster")},
 }
-"""What takes up an interrupted command where it was, by its name."""
+"""How to continue an interrupted command, by its name."""
 HINT = " (repeat with -v and add the traceback)"
 _ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "h5py", "gmsh")
 
@@ -154,5 +157,5 @@ def _status(error: Exception) -> int:
 def _interrupted(first: bool, words: Sequence[str]) -> int:
     if first:
         mend = _GOES_ON.get(words[0] if words else "")
-        print(f"castfem: interrupted{f'; {mend} goes on' if mend else ''}", file=sys.stderr)
+        print(f"castfem: interrupted{f'; {mend} continues' if mend else ''}", file=sys.stderr)
     return _INTERRUPTED

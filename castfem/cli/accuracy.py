@@ -1,4 +1,4 @@
-"""`castfem error`: a case with other meshes, steps and windows, and the errors they tell."""
+"""`castfem error`: errors of the results, from runs with other meshes, steps and windows."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for."""
+    """Arguments of the command."""
 
-    to: str = ""  #: error for which sizes are to be proposed, "1%"; "" for none
+    to: str = ""  #: error for which sizes are proposed, "1%"; "" for none
 
 
 def error_of_case(options: Options) -> int:
-    """Do the runs, print and write the table, put the errors beside the results (collective)."""
+    """Make the runs, print and write the table, add the errors to the results (collective)."""
     return many_runs.on_root(partial(_prepared, options))
 
 
@@ -54,13 +54,13 @@ def _prepared(options: Options, ranks: bool) -> many_runs.Work:
     case = load_case(path, options.overrides)
     options.check_reached(case.casting.length)
     with read_from(path):
-        cell_count(case)  # one that cannot be meshed is refused here, not by each of its runs
+        cell_count(case)  # a case that cannot be meshed is refused here, not by each of its runs
     ladder = prepare(levels(case), folder, overwrite=options.overwrite, at=options.at)
     return partial(_done, ladder, options)
 
 
 def _alone(options: Options) -> Path:
-    """Return where a run of the case goes, or has gone."""
+    """Return the folder of a run of the case."""
     given = Path(options.name)
     home = given if given.is_dir() else given.parent
     if given.exists() and (home / RUN_NAME).is_file():
@@ -69,14 +69,14 @@ def _alone(options: Options) -> Path:
 
 
 def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
-    """Run what is to be run (on rank 0) and tell the errors."""
+    """Make the runs (on rank 0) and print the errors."""
     before = len(ladder.runnable) - len(ladder.jobs)
     if before and not options.quiet:
         print(f"{before} of {len(ladder.runnable)} runs are finished already", file=sys.stderr)
     target = ladder.record.folder
 
     def noted(job: Job, outcome: Outcome) -> None:
-        """Write what is known so far, for users who look before the expensive runs have ended."""
+        """Write the errors known so far, before the expensive runs have ended."""
         entry = ladder.record.entries.get(BASE)
         if entry is not None and entry.physics:
             ladder.table().write(target)
@@ -91,18 +91,18 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     if not options.quiet:
         with chosen(options.units), shown_in(units_of_run(target / BASE)):
             print_table(table)
-            print(f"errors in {path}, and beside the results in {', '.join(map(str, written))}")
+            print(f"errors in {path} and with the results in {', '.join(map(str, written))}")
     if options.to:
         _propose(table, options)
     return 0
 
 
 def _propose(table: ErrorTable, options: Options) -> None:
-    """Print the mesh sizes that reach an error, how long a run with them takes, and its command."""
+    """Print the mesh sizes for an error, how long a run with them takes, and its command."""
     found = propose(table, main_names(table.quantities), read_share(options.to))
     case = load_case(shipped_cases.find(options.name), options.overrides)
     words = ", ".join(f"{axis} x {factor:.3g}" for axis, factor in found.factors.items())
-    took = f"some {duration(found.seconds)} instead of {duration(found.now)}"
+    took = f"about {duration(found.seconds)} instead of {duration(found.now)}"
     print(f"errors of {options.to}: {words}; {took}")
     given = [*options.overrides]
     given += [f"{key}={value}" for key, value in changes(case, found.factors).items()]
@@ -110,7 +110,7 @@ def _propose(table: ErrorTable, options: Options) -> None:
     print(f"castfem run {shlex.quote(options.name)} {settings} -o FOLDER")
     for name, left in found.unreached.items():
         label = plain_label(quantity_of(table.quantities[name]))
-        print(f"not by sizes within reach: {label}, {100 * left:.2g} %", file=sys.stderr)
+        print(f"not reachable by these sizes: {label}, {100 * left:.2g} %", file=sys.stderr)
 
 
 def show_errors(folder: Path) -> None:
@@ -122,7 +122,7 @@ def show_errors(folder: Path) -> None:
 
 
 def print_table(table: ErrorTable) -> None:
-    """Print errors, and which runs have none."""
+    """Print errors, and runs that failed."""
     for one in error_tables(table):
         say(parallel.console(), one, "")
     for line in without_error(table):

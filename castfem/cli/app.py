@@ -1,7 +1,7 @@
 """The commands of castfem. Heavy modules are imported inside the commands that need them.
 
-What a command only hands on to its `Options` is in `given`, by the names of their attributes.
-Equation numbers are those of [Pascon2003] (docs/references.md).
+Arguments that a command only passes on to its `Options` are in `given`, by attribute name. Equation
+numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from castfem.cli import options, pictures, studies
 from castfem.cli.command import Argument, Group, command
 from castfem.cli.options import PATH, case_name, file_for, folder, folders, output, overrides, quiet
 
-_TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
+_TERMINAL, _LINES = 1.0, 10.0  # s between two updates: at a terminal, and elsewhere
 
 
 @command('run billet125/thermal --set casting.speed="3 m/min" -o slow')
@@ -28,11 +28,11 @@ _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhe
 @output("Folder; by default results/<family>/<name>.")
 @overrides
 @options.accuracy
-@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--resume/--no-resume", help="Continue from the last checkpoint.")
 @click.option("--overwrite/--no-overwrite", help="Replace a run of another case in the folder.")
-@click.option("--profile/--no-profile", help="Print where the time went.")
+@click.option("--profile/--no-profile", help="Print the time spent in each part of the run.")
 @quiet
-@click.option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
+@click.option("--verbose", "-v", count=True, help="Print more, with tracebacks of errors.")
 def run(quiet: bool, verbose: int, **given: Any) -> None:
     """Run a case. Under mpirun it runs on all ranks."""
     from castfem.cli.running import Options, run_case
@@ -66,7 +66,7 @@ def cases() -> None:
 
 
 def starter(file: str, title: str) -> str:
-    """Return the commented case that `castfem init` writes, of a file and a title."""
+    """Return the commented case that `castfem init` writes, from its file and title."""
     text = (resources.files(__package__) / "starter.toml").read_text(encoding="utf-8")
     return text.replace("{file}", file).replace("{title}", title)
 
@@ -93,7 +93,7 @@ def init(name: str) -> None:
 @options.at
 @options.units
 def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
-    """Print the table of a run and draw its figures; with --at the results at some places."""
+    """Print the table of a run and draw its figures; with --at the results at some positions."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem.cli import parallel
@@ -135,21 +135,22 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
 @command("watch results/billet125/thermal --html at_work.html")
 @folder("Folder of a run at work, or of a sweep.")
 @click.option(
-    "--html", metavar="FILE", type=PATH, help="Write its report, too, anew until it ends."
+    "--html",
+    metavar="FILE",
+    type=PATH,
+    help="Write its report as well, and update it until the run ends.",
 )
 @click.option(
     "--every",
     metavar="TIME",
     default="",
     show_default=False,
-    help='Between two looks, such as "5 s".',
+    help='Interval between updates, such as "5 s".',
 )
-@click.option(
-    "--wait", is_flag=True, help="Wait for runs that have not begun, or are to be taken up again."
-)
+@click.option("--wait", is_flag=True, help="Wait for runs that have not begun or will be resumed.")
 @options.units
 def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[str, ...]) -> int:
-    """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
+    """Show the progress of a run until it ends; with --html also as a page that reloads itself."""
     from castfem.cli import parallel
     from castfem.cli.options import above_zero, chosen
     from castfem.post.watch.show import Page, Viewing
@@ -164,7 +165,7 @@ def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[
         try:
             well = watch_runs(folder, Viewing(console, interval, page, wait))
         except KeyboardInterrupt:
-            print("stopped watching; the runs go on")
+            print("stopped watching; the runs continue")
             return 0
     if page is not None:
         print(f"page in {html}")
@@ -174,9 +175,9 @@ def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[
 @command("compare results/billet125/thermal slow")
 @folders
 @output("Folder; by default `compare` beside the runs.")
-@click.option("--base", help="Run the others are measured by; by default idealised, or the first.")
+@click.option("--base", help="Reference run of the comparison; by default idealised, or the first.")
 @click.option(
-    "everything", "--all", is_flag=True, help="All quantities, not only those of the headline."
+    "everything", "--all", is_flag=True, help="All quantities, not only the headline ones."
 )
 @click.option("--figures/--no-figures", default=True, help="Draw the figures.")
 @options.at
@@ -190,7 +191,7 @@ def compare(
     at: tuple[str, ...],
     units: tuple[str, ...],
 ) -> None:
-    """Print runs side by side and draw their histories over one another."""
+    """Print a comparison of runs and draw their histories together."""
     from castfem.base.shown_units import shown_in
     from castfem.base.table import say
     from castfem.cli import parallel
@@ -217,7 +218,7 @@ def compare(
 
 
 def _beside(folders: list[Path]) -> Path:
-    """Return the folder `compare` beside runs, if they all lie in one folder."""
+    """Return the default folder of a comparison: `compare` in the common folder of the runs."""
     parents = {folder.resolve().parent for folder in folders}
     if len(parents) != 1:
         return Path("results") / "compare"
@@ -225,7 +226,7 @@ def _beside(folders: list[Path]) -> Path:
 
 
 def _make(target: Path, name: str) -> None:
-    """Make a folder, unless it holds other files than castfem's, of which one has this name."""
+    """Make a folder; refuse one that has files but none of this name."""
     try:
         target.mkdir(parents=True, exist_ok=True)
         if any(target.iterdir()) and not (target / name).is_file():
@@ -267,7 +268,7 @@ def schema(markdown: bool) -> None:
 @command("completion bash > ~/.castfem.bash")
 @click.argument("shell", metavar="SHELL", help="bash, zsh or fish.", cls=Argument)
 def completion(shell: str) -> None:
-    """Print what lets a shell complete commands, names of cases and keys of --set."""
+    """Print the script with which a shell completes commands, case names and keys of --set."""
     from castfem.cli.command import script
 
     print(script(shell))

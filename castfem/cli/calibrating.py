@@ -1,4 +1,4 @@
-"""`castfem calibrate`: fit keys of a case to what was measured."""
+"""`castfem calibrate`: fits keys of a case to measurements."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from castfem.studies.calibration.measured import (
 )
 
 FIGURE_NAME = "calibration.png"
-_ALIKE = 0.95  # correlation of keys that the data hardly tell apart
+_ALIKE = 0.95  # correlation above which the data hardly separate two keys
 
 
 def calibrate_case(
@@ -55,7 +55,7 @@ def calibrate_case(
     quiet: bool = False,
     units: Sequence[str] = (),
 ) -> int:
-    """Fit, print and write, and return the exit status (collective)."""
+    """Fit, print and write; return the exit status (collective)."""
 
     def prepare(ranks: bool) -> many_runs.Work:
         if processes != 0:
@@ -84,21 +84,21 @@ def calibrate_case(
 
 
 def _check_keys(case: Case, keys: Sequence[Free]) -> None:
-    """Refuse before anything runs what is named twice, and bounds that are no sound case."""
+    """Refuse keys given twice, and bounds that make the case invalid, before any run."""
     for number, key in enumerate(keys):
         where = f'--free "{key.key}"'
         if key.key in [other.key for other in keys[:number]]:
-            raise InputError(f"{where}: is named twice; leave one out")
+            raise InputError(f"{where}: is given twice; leave one out")
         ends = [key.text(value) for value in (key.low, key.high)]
         if problems := faults_of_key(case, key.key, ends, where):
             raise InputError(problems)
 
 
-_NEAREST = 6  # results that are named for one that is not known
+_NEAREST = 6  # results proposed in place of an unknown one
 
 
 def _check_results(case: Case, measured: Sequence[Measured]) -> None:
-    """Refuse before anything runs what was measured of results that the case has not."""
+    """Refuse measurements of results that the case does not have, before any run."""
     first = {one.name: one for one in reversed(measured)}
     at_probes = {name: one for name, one in first.items() if is_of_probe(name)}
     others = {name: one for name, one in first.items() if name not in at_probes}
@@ -135,7 +135,7 @@ def _keys(found: Calibration) -> Table:
 
 
 def _words(found: Calibration, target: Path) -> list[str]:
-    """What else is to be known of a fit, a line each."""
+    """Remarks on a fit, one line each."""
     fit, lines = found.fit, []
     for name in dict.fromkeys(m.name for m in found.measured):
         mine = [i for i, m in enumerate(found.measured) if m.name == name]

@@ -1,4 +1,4 @@
-"""`castfem caster`: the whole caster over time, as slices with what each has met."""
+"""`castfem caster`: the whole caster over time, as slices with their own histories."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CasterRequest(Request):
-    """What the user asked of `castfem caster`."""
+    """Arguments of the command."""
 
-    follow: Path | None = None  #: a plant's history that grows; None for that of the case
+    follow: Path | None = None  #: growing plant record; None for that of the case
 
 
 def caster_of_case(options: CasterRequest) -> None:
-    """Run on all ranks; on the first print what came out, and draw it."""
+    """Run on all ranks; on the first print the results, and draw them."""
     from castfem.runs.caster.run import run_caster
 
     comm = parallel.communicator()
@@ -60,7 +60,7 @@ def caster_of_case(options: CasterRequest) -> None:
 
 
 def _agreed(comm: MPI.Intracomm | None, options: Request) -> tuple[Path, Case, Path]:
-    """Return the file, the case and its folder; what is wrong with them is raised on all ranks."""
+    """Return the file, the case and its folder; errors are raised on all ranks."""
     problems: tuple[str, ...] = ()
     try:
         path = shipped_cases.find(options.name)
@@ -75,17 +75,17 @@ def _agreed(comm: MPI.Intracomm | None, options: Request) -> tuple[Path, Case, P
 
 
 def _following(options: CasterRequest) -> tuple[CasterRequest, PlantFile | None]:
-    """Return a history that grows, once it has a row, and what is asked with it as the plant."""
+    """Return a growing plant record, once it has a row, and the request with it as the plant."""
     from castfem.runs.caster.plant_file import BEYOND, PAUSE, PlantFile
 
     if options.follow is None:
         return options, None
     source = PlantFile(options.follow)
     if not options.follow.is_file():
-        log.logger.info("%s: is waited for", options.follow)
+        log.logger.info("waiting for %s", options.follow)
     while not source.take():
         time.sleep(PAUSE)
-    # A gap in a file that grows is reported, and no reason to refuse it.
+    # A gap in a growing file is reported, but not refused.
     more = (source.assignment(), f"caster.longest_gap={2.0 * BEYOND!r} s")
     return replace(options, overrides=(*options.overrides, *more)), source
 
@@ -93,7 +93,7 @@ def _following(options: CasterRequest) -> tuple[CasterRequest, PlantFile | None]
 def show_caster(
     folder: Path, units: tuple[str, ...] = (), *, figures: bool = True, quiet: bool = False
 ) -> None:
-    """Print what the files of a caster tell, and draw them."""
+    """Print and draw the results of a caster."""
     case = load_case(folder / CASE_NAME)
     with chosen(units), shown_in(units_of(case)):
         written = [CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME]

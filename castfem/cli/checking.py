@@ -1,4 +1,4 @@
-"""Checking a case with its steel, all problems at once, and telling what it is."""
+"""Checks a case with its steel, reports all problems at once, and describes a valid case."""
 
 from __future__ import annotations
 
@@ -29,21 +29,22 @@ if TYPE_CHECKING:
 
 
 _COMPONENTS = {"displacement": 3, "stress": 9, "strain": 9, "viscoplastic_strain": 9}
-_VALUE, _STATE, _FIELD = 4, 1200, 900  # bytes on disk: of a number, a state, a field of one
+# bytes on disk: of a number, an output time, a field at one time
+_VALUE, _STATE, _FIELD = 4, 1200, 900
 
 
 def problems_of(
     path: Path, overrides: Iterable[str], sizes: Iterable[str] = ()
 ) -> tuple[AnyCase | None, Steel | None, list[str]]:
-    """Return a case, its steel and all the problems of both, laws too; None for what is not sound.
+    """Return a case, its steel and all problems of both and their laws; None for faulty ones.
 
-    A tensile test has a law instead of a steel. What a sound case has that was probably not meant
-    goes to the log.
+    A tensile test has a law instead of a steel. Unusual values of a valid case are logged.
 
     Args:
         path: File of the case.
         overrides: Assignments of --set.
-        sizes: Further ones, of --accuracy; of what they do only too large cells are warned of.
+        sizes: Further assignments, of --accuracy; of their effects only too large cells are warned
+            of.
     """
     sizes = tuple(sizes)
     reading = read_case(path, (*overrides, *sizes))
@@ -53,7 +54,7 @@ def problems_of(
         if isinstance(reading.case, TensileCase):
             _try_law(reading, reading.case)
         else:
-            with suppress(FaultyError):  # told by reading it
+            with suppress(FaultyError):  # reported by reading the case
                 steel = _steel(reading)
             law, law_carbon = _try_mechanics(reading, steel)
     except InputError as error:
@@ -74,9 +75,9 @@ def _print_warnings(
     law_carbon: float | None,
     scaled: tuple[str, ...],
 ) -> None:
-    """Log what a sound case has that was probably not meant.
+    """Log the warnings about a valid case.
 
-    Of what is `scaled` by --accuracy, no fault of the user, what results are lost by larger cells.
+    For sizes `scaled` by --accuracy only results that are lost through larger cells are reported.
     """
     warnings = list(reading.warnings)
     if isinstance(reading.case, Case) and steel is not None:
@@ -108,7 +109,7 @@ def _steel(reading: Reading) -> Steel | None:
 def _try_mechanics(
     reading: Reading, steel: Steel | None
 ) -> tuple[Law, float | None] | tuple[None, None]:
-    """Make the law of the slice, if the case has one and all is sound; with its carbon, wt%."""
+    """Build the law of the slice of a valid case with mechanics; return it with its carbon, wt%."""
     table = reading.case.mechanics if isinstance(reading.case, Case) else None
     if table is None or steel is None or reading.problems:
         return None, None
@@ -120,7 +121,7 @@ def _try_mechanics(
 
 
 def _lacking(case: Case, steel: Steel | None) -> Iterator[Problem]:
-    """Yield what the case needs of its steel, and the steel does not have."""
+    """Yield data that the case needs and its steel lacks."""
     if steel is None:
         return
     if case.mechanics is not None and (lack := no_expansion(steel)):
@@ -144,7 +145,7 @@ def _lacking(case: Case, steel: Steel | None) -> Iterator[Problem]:
 
 
 def _solvers(reading: Reading, case: Case) -> list[str]:
-    """Return what PETSc does not take of the solvers' options that the case gives."""
+    """Return the solver options of the case that PETSc refuses."""
     found: list[str] = []
     tables = {"thermal": case.thermal.solver}
     if case.mechanics is not None:
@@ -162,7 +163,7 @@ def _solvers(reading: Reading, case: Case) -> list[str]:
 
 
 def _try_law(reading: Reading, case: TensileCase) -> None:
-    """Make the law of a tensile test, if all of the test is sound."""
+    """Build the law of a valid tensile test."""
     if not reading.problems:
         from castfem.runs.tensile.tensile_test import TensileTest
 
@@ -170,7 +171,7 @@ def _try_law(reading: Reading, case: TensileCase) -> None:
 
 
 def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
-    """Check a case of either kind with all that belongs to it; return a few lines on it."""
+    """Check a case of either kind completely; return a description of a few lines."""
     log.setup()
     try:
         case, steel, problems = problems_of(path, overrides)
@@ -201,7 +202,7 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
 
 
 def _search_faults(case: Case, path: Path) -> list[str]:
-    """What of the table [optimise] no search could begin with: keys, ranges, results."""
+    """Errors of [optimise] with which no search could begin: keys, ranges, results."""
     if case.optimise is None:
         return []
     from castfem.studies.optimisation.problem import DesignProblem
@@ -214,7 +215,7 @@ def _search_faults(case: Case, path: Path) -> list[str]:
 
 
 def drive_faults(case: Case) -> Iterator[str]:
-    """Yield that the drives are weaker than the rolls, where that is known before a run."""
+    """Yield an error if the drives are known to be too weak before a run."""
     machine = case.machine
     if machine is None or machine.extraction is None:
         return
@@ -228,7 +229,7 @@ def drive_faults(case: Case) -> Iterator[str]:
 
 
 def describe_test(name: str, case: TensileCase) -> str:
-    """Return a few lines on a sound tensile test."""
+    """Return a description of a valid tensile test in a few lines."""
     table = case.tensile
     material = table.material
     law = material if isinstance(material, str) else material.get("law", "")
@@ -247,7 +248,7 @@ def _speed(speed: float | Table) -> str:
 
 
 def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
-    """Return a few lines on a sound case: what is cast, how long, through which zones."""
+    """Return a description of a valid case in a few lines: strand, time, zones."""
     casting = case.casting
     solidus = convert(steel.solidus, "K", "degC")
     liquidus = convert(steel.liquidus, "K", "degC")
@@ -289,7 +290,7 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
 
 
 def _written(case: Case, mesh: SectionMesh) -> Iterator[str]:
-    """Say how many states of the fields a run writes, and how large they become."""
+    """Yield how many outputs of the fields a run writes, and their size."""
     if not (names := case.output_fields):
         return
     every = case.output_every
@@ -300,6 +301,6 @@ def _written(case: Case, mesh: SectionMesh) -> Iterator[str]:
 
 
 def has_water(case: Case) -> bool:
-    """Whether anything is sprayed."""
+    """Whether the case has any spray."""
     circuits = case.secondary is not None and case.secondary.circuit
     return bool(circuits) or any(law.tag == "spray" for z in case.cooling for law in z.surface)

@@ -1,8 +1,8 @@
-"""Commands and arguments of click, with what castfem adds to their help and to completion.
+"""Commands and arguments of click, with castfem's additions to help and completion.
 
-The help of click has no line for an argument before its version 8.5. Completion knows commands and
-options, names of cases, keys of --set; the parts of the shells are click's. Nothing is imported
-here that a case file does not need.
+click's help lists arguments only since version 8.5. Completion covers commands and options, case
+names and keys of --set; the shell scripts are click's. Only what a case file needs is imported
+here.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _STATUS = "Exit status: 0 if all went well, 1 for bad input, 2 for a failure, 13
 
 
 class Argument(click.Argument):
-    """An argument with a line in the help; all of castfem are required."""
+    """An argument with a line in the help; all arguments of castfem are required."""
 
     def __init__(self, *args: Any, help: str, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -43,10 +43,10 @@ class Command(click.Command):
     """A command whose help lists its arguments before its options."""
 
     def format_arguments(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write nothing: click calls this only from 8.5 on, and `format_options` always."""
+        """Write nothing: click calls this only since 8.5, but `format_options` always."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a section for the arguments and one for the options."""
+        """Write one section for the arguments and one for the options."""
         for title, kind in (("Arguments", click.Argument), ("Options", click.Option)):
             found = [p.get_help_record(ctx) for p in self.get_params(ctx) if isinstance(p, kind)]
             if rows := [row for row in found if row is not None]:
@@ -55,14 +55,14 @@ class Command(click.Command):
 
 
 class Group(click.Group):
-    """The commands, in the order in which they were added; each with its whole description."""
+    """The commands in the order in which they were added, each with its whole description."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the commands."""
         return list(self.commands)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Return the command that is called, or name the nearest one to what is none."""
+        """Return the command that is called; for an unknown one raise an error with the nearest."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
@@ -77,18 +77,18 @@ class Group(click.Group):
             formatter.write_dl([(name, one.help or "") for name, one in self.commands.items()])
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the exit status of all commands, and where their examples are."""
+        """Write the exit statuses, and where examples are."""
         with formatter.section("Exit status"):
             formatter.write_dl([(str(status), meaning) for status, meaning in EXIT.items()])
         formatter.write_paragraph()
         formatter.write_text("castfem COMMAND --help shows an example of the command.")
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command and return what it returns.
+        """Run a command and return its value.
 
         Raises:
-            click.Abort: Because of an interrupt or an end of a file, its cause. Click would print
-                an empty line first.
+            click.Abort: After an interrupt or end of file, its cause. click would print an empty
+                line first.
         """
         try:
             return super().invoke(ctx)
@@ -97,18 +97,18 @@ class Group(click.Group):
 
 
 def command(example: str) -> Callable[[Callable[..., Any]], Command]:
-    """Return a decorator that makes a command of a function.
+    """Return a decorator that makes a function a command.
 
-    The command has the name of the function and its docstring as help. An integer that it returns
-    is the exit status.
+    The command has the name of the function and its docstring as help. An integer it returns is the
+    exit status.
     """
     return click.command(cls=Command, epilog=f"\b\nExample: castfem {example}\n{_STATUS}")
 
 
 VARIABLE = "_CASTFEM_COMPLETE"
-"""Of the environment: what a shell asks for, such as "bash_complete"; click reads it."""
-# click's script, {click}, and a function that the shell calls in place of click's: a key is
-# followed by its value, so no blank is put behind its sign. fish leaves it out by itself.
+"""Environment variable read by click: what a shell asks for, such as "bash_complete"."""
+# click's script, {click}, and a function that the shell calls instead of click's: no blank is added
+# after the sign between key and value. fish does this by itself.
 _SCRIPTS = {
     "bash": """\
 {click}
@@ -118,7 +118,7 @@ _castfem_keys() {
 }
 complete -o nosort -F _castfem_keys castfem
 """,
-    # Inside a function, click's script registers its function and does not call it.
+    # Inside a function, click's script registers its function without calling it.
     "zsh": """\
 #compdef castfem
 () {
@@ -140,7 +140,7 @@ compdef _castfem_keys castfem
 
 
 def script(shell: str) -> str:
-    """The part of a shell, to be put where the shell finds it."""
+    """Return the completion script of a shell."""
     if shell not in _SCRIPTS:
         raise InputError(f"{shell}: no such shell; there are {', '.join(_SCRIPTS)}")
     from castfem.cli.app import app
@@ -152,14 +152,14 @@ def script(shell: str) -> str:
 
 
 class CaseName(click.ParamType):
-    """Name of a case; completed by those that are shipped, and by files."""
+    """Name of a case; completed by shipped cases and files."""
 
     name = "case"
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Case files beside, and shipped cases, that begin so; without one, any file."""
+        """Case files and shipped cases with this prefix; if there are none, any file."""
         from castfem.model import shipped_cases
 
         beside = Path().glob(f"{incomplete}*.toml") if "/" not in incomplete else ()
@@ -169,23 +169,23 @@ class CaseName(click.ParamType):
 
 
 class Assignment(click.ParamType):
-    """Key and value of --set; completed by the keys of the case on the line."""
+    """Key and value of --set; completed by the keys of the case on the command line."""
 
     name = "assignment"
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Keys that begin so, each with its sign.
+        """Keys with this prefix, each with its sign.
 
-        Those of zones with a blank in their name are left out: they would be two words.
+        Keys of zones with a blank in their name are left out: they would be two words.
         """
         from castfem.model import document, shipped_cases
         from castfem.model.case import Case
         from castfem.model.key_names import all_keys
 
         data = {}
-        # An option without its value yet leaves the words before it where they are.
+        # An option still without a value leaves the words before it unchanged.
         if name := ctx.params.get("case") or next(iter(ctx.args), None):
             try:
                 data = document.read(shipped_cases.find(name)).data

@@ -1,4 +1,4 @@
-"""`castfem mesh` and `castfem material`: pictures and a few lines of text."""
+"""`castfem mesh` and `castfem material`: pictures and a short description."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def draw_mesh(case: Case, picture: Path) -> None:
 
 
 def mesh_rows(mesh: SectionMesh) -> list[tuple[str, str]]:
-    """Return label and value of what characterises a mesh."""
+    """Return labels and values that describe a mesh."""
     q = mesh.quality()
     return [
         ("cells", f"{q.cells} of shape {mesh.cell}, order {mesh.order}"),
@@ -55,7 +55,7 @@ def mesh_rows(mesh: SectionMesh) -> list[tuple[str, str]]:
     ]
 
 
-_LACKS = "is needed by"  # of an element that a composition does not have
+_LACKS = "is needed by"  # of an element missing from a composition
 
 
 def draw_material(
@@ -66,9 +66,9 @@ def draw_material(
     scheil: bool = False,
     segregated: bool = False,
 ) -> None:
-    """Describe a steel and plot its properties; by a database, beside those of the set itself.
+    """Describe a steel and plot its properties; with a database, beside those of the set itself.
 
-    So those of a steel that freezes by its microsegregation are beside those of equilibrium.
+    Likewise microsegregation is plotted beside equilibrium.
     """
     if segregated and database is not None:
         raise InputError("--segregated: goes without a database; give --scheil with it")
@@ -88,7 +88,8 @@ def draw_material(
             changes["database"] = Request(str(database), scheil=Scheil() if scheil else None)
         steel = load(overrides=changes)
         if changes:
-            with suppress(InputError):  # the set itself does not go as far, as for stainless steel
+            # outside the range of the set itself, as for stainless steel
+            with suppress(InputError):
                 beside = load()
     except InputError as error:
         told = [f"{one}, here by -c C=0.2" if _LACKS in one else one for one in error.problems]
@@ -99,7 +100,7 @@ def draw_material(
 
 
 def check_picture(picture: Path) -> None:
-    """Refuse a picture whose ending names no format, before anything is computed for it."""
+    """Refuse a picture with an unknown file ending before anything is computed."""
     formats = (".png", ".pdf", ".svg")
     if picture.suffix.lower() not in formats:
         raise InputError(
@@ -110,7 +111,7 @@ def check_picture(picture: Path) -> None:
 
 @contextmanager
 def drawing(picture: Path) -> Iterator[None]:
-    """Say where the picture is, or why it cannot be there."""
+    """Print where the picture is, or raise why it cannot be written."""
     check_picture(picture)
     try:
         yield
@@ -120,7 +121,7 @@ def drawing(picture: Path) -> Iterator[None]:
 
 
 def _composition(assignments: Iterable[str]) -> dict[str, float]:
-    """Return weight percent by element from "C=0.42" assignments."""
+    """Return weight percent by element from assignments such as "C=0.42"."""
     found = {}
     for assignment in assignments:
         element, _, text = assignment.partition("=")

@@ -1,4 +1,4 @@
-"""`castfem machine`: rolls, what they do to the strand, water, drives, and how a run met them."""
+"""`castfem machine`: rolls, bending, water and drives of a case, with results of a run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
     thickness = thickness_of(case.section)
     if rolls is None or thickness is None:
         raise InputError(
-            f"{origin}: machine: the table is missing, the strand goes straight down; add "
+            f"{origin}: machine: the table is missing, so the strand is vertical; add "
             '[machine] with rolls = "rolls.csv" (docs/machine.md)'
         )
     found = None if run is None else ended(run, case)
@@ -66,7 +66,7 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
 
 
 def _sprays(case: Case) -> list[Spray]:
-    """The sprays of the wide faces, as they are seen from the side."""
+    """The sprays of the wide faces in side view."""
     from castfem.model.build.secondary import rows_of
     from castfem.post.plots.machine import Spray
 
@@ -84,7 +84,7 @@ def _sprays(case: Case) -> list[Spray]:
 
 
 def circuit_table(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> Table:
-    """Return the table of the circuits of water, at their largest flows, and their defects."""
+    """Return the table of the water circuits with their largest flows and their defects."""
     from castfem.cli.drawing import build_mesh
     from castfem.model.defects import Nozzles
     from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
@@ -130,7 +130,7 @@ def circuit_table(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
 
 
 def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
-    """Return label and value of what characterises a machine."""
+    """Return labels and values that describe a machine."""
     from castfem.physics.machine.phases import off_stretches, phases
 
     line, pairs = rolls.line(thickness), rolls.pairs
@@ -191,7 +191,7 @@ def roll_table(rolls: Rolls, thickness: float) -> Table:
 
 
 def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None) -> None:
-    """Print how the drives share the resistance; draw it, where it is known before a run."""
+    """Print how the drives share the resistance; draw it if it is known before a run."""
     from castfem.post.plots.machine import draw_drives
 
     assert case.machine is not None and case.machine.extraction is not None
@@ -214,15 +214,15 @@ def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None
 def drive_table(
     rolls: Rolls, most: Array, effort: Array, drive: Array, resistance: float, to: float = math.inf
 ) -> Table:
-    """Return the table of the drives: what comes to each, what it takes, what it has left.
+    """Return the table of the drives: resistance at each, its force, and what is left.
 
     Args:
         rolls: The pairs.
-        most: What they can pull (n,), N: 0 of one that is not driven, inf if not known.
-        effort: In the strand as it comes to each (n,), N; nan where that is not known.
-        drive: What each pulls with (n,), N; nan likewise.
-        resistance: Of all rolls, N.
-        to: Position down to which it is, m.
+        most: Their capacity (n,), N: 0 for a pair without a drive, inf if unknown.
+        effort: Axial force in the strand at each (n,), N; nan if unknown.
+        drive: Force of each (n,), N; nan if unknown.
+        resistance: Total resistance of the rolls, N.
+        to: Position to which the resistance is summed, m.
     """
     head = ("drive", "position [m]", "effort [kN]", "pulls [kN]", "has left [kN]")
     rows = []
@@ -247,20 +247,20 @@ _SAME = ("position", "diameter", "aperture", *_DEFECTS, "radius", "driven", "cap
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How far the strand of a run is solid."""
+    """How far the strand of a run has solidified."""
 
-    to: float  #: position to which it was followed, m
-    solid: float | None  #: where it is solid throughout, m; None where it is not
-    liquid: float | None  #: where its liquid core (fs = 0) ends, m; None where it does not
+    to: float  #: position to which the strand was followed, m
+    solid: float | None  #: position at which it is completely solid, m; None if it is not
+    liquid: float | None  #: end of its liquid core (fs = 0), m; None if it does not end
 
     def __str__(self) -> str:
-        """In words, but for where it is solid."""
+        """Description, without the position at which it is solid."""
         core = "liquid to there" if self.liquid is None else f"liquid to {self.liquid:.4g} m"
         return f"not down to {self.to:.4g} m, where the run ends; {core} (fs = 0)"
 
     @property
     def marks(self) -> tuple[tuple[float, str], ...]:
-        """Positions, m, and what is there, for the picture."""
+        """Positions, m, and labels for the picture."""
         if self.solid is not None:
             return ((self.solid, f"solid at {self.solid:.4g} m"),)
         core = () if self.liquid is None else ((self.liquid, f"liquid to {self.liquid:.4g} m"),)
@@ -268,7 +268,7 @@ class Ended:
 
 
 def ended(run: Path, case: Case) -> Ended:
-    """Return how far the strand of a run is solid."""
+    """Return how far the strand of a run has solidified."""
     summary = Summary.load(run) if run.is_dir() else None
     if summary is None or not (run / CASE_NAME).is_file():
         raise InputError(f"--run {run}: holds no finished run")
@@ -276,7 +276,7 @@ def ended(run: Path, case: Case) -> Ended:
     theirs, ours = (None if one is None else one.pairs() for one in (table, case.machine))
     if ours is not None and (what := _other(ours, theirs)):
         raise InputError(
-            f"--run {run}: is a run through another machine: {what}; give a run of this case"
+            f"--run {run}: the run has another machine: {what}; give a run of this case"
         )
     solid, liquid = (
         None if one is None or math.isnan(one.value) else one.value
@@ -287,7 +287,7 @@ def ended(run: Path, case: Case) -> Ended:
 
 
 def _other(ours: Rolls, theirs: Rolls | None) -> str:
-    """In what the machine of a run is another one, in words; empty of the same."""
+    """Description of how the machine of a run differs; "" if it does not."""
     if theirs is None:
         return "it has no rolls"
     if theirs.edges != ours.edges:
@@ -309,7 +309,7 @@ def _other(ours: Rolls, theirs: Rolls | None) -> str:
 
 
 def _same(one: Pair, other: Pair, key: str) -> bool:
-    """Whether two pairs have the same, but for how it was written down."""
+    """Whether two pairs are equal, however they were written."""
     a, b = getattr(one, key), getattr(other, key)
     if a is None or b is None or math.isinf(a) or math.isinf(b):
         return bool(a == b)
@@ -317,14 +317,14 @@ def _same(one: Pair, other: Pair, key: str) -> bool:
 
 
 def drives_of(run: Path, rolls: Rolls) -> tuple[Array, Array, float, float] | None:
-    """Return what came to each pair and what it pulled, as the slice of a run met them.
+    """Return the axial force at each pair and the force of its drive, from the history of a run.
 
-    A drive pulls over the pitch below it: what it took is known as the slice comes to the next
-    pair that holds the strand.
+    A drive acts over the pitch below it: its force is known when the slice reaches the next pair
+    that holds the strand.
 
     Returns:
-        Effort (n,) and pull (n,) of the pairs, N, not a number where the run did not come to them,
-        what the rolls resist, N, and down to where they do, m; None of a run without it.
+        Axial force (n,) and drive force (n,) of the pairs, N, NaN where the run did not reach them,
+        total resistance of the rolls, N, and the position to which it is known, m; None without it.
     """
     table = read_columns(run / HISTORY_NAME)
     names = ("effort", "drive_force", "roll_resistance")

@@ -1,4 +1,4 @@
-"""Runs of a record in parallel, on processes of this machine or on ranks, and their progress."""
+"""Makes the runs of a record in parallel, in processes or on ranks, and shows their progress."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 class View:
-    """Tells of the runs as they go.
+    """Shows the progress of several runs.
 
     Args:
         count: Number of runs in all.
-        done: How many of them were finished before.
-        quiet: Show nothing but runs that fail.
+        done: Number of runs finished before.
+        quiet: Show nothing but failing runs.
         terminal: Whether to draw bars; by default if stderr is a terminal.
     """
 
@@ -50,13 +50,13 @@ class View:
             self._bars.start()
 
     def begun(self, job: Job) -> None:
-        """Tell that a run has begun."""
+        """Show that a run has begun."""
         if self._bars is not None:
             task = self._bars.add_task(job.name, total=job.case.casting.length, text="")
             self._tasks[job.name] = (job, task)
 
     def ended(self, job: Job, outcome: Outcome) -> None:
-        """Tell how a run has ended."""
+        """Show how a run has ended."""
         self._done += 1
         self._failed += outcome.failed
         how = f"failed: {outcome.message}" if outcome.failed else "finished"
@@ -73,7 +73,7 @@ class View:
         self._bars.update(self._all, completed=self._done, text=text)
 
     def tick(self) -> None:
-        """Look how far the runs have come."""
+        """Update the progress of the runs."""
         if self._bars is None:
             return
         part = 0.0
@@ -92,17 +92,17 @@ class View:
 
 
 def reached(folder: Path, since: float = 0.0) -> float:
-    """How far the run in a folder has come, m; a history older than `since` is another run's."""
+    """Position that the run in a folder has reached, m; a history older than `since` is ignored."""
     path = folder / HISTORY_NAME
     try:
         found = None if path.stat().st_mtime < since else last_row(path)
     except (OSError, InputError):
-        return 0.0  # not yet there
+        return 0.0  # not begun
     return 0.0 if found is None else found[0].get("position", 0.0)
 
 
 def _bars() -> Bars:
-    """Return one bar a run, with the name in front and the time left behind."""
+    """Return a bar for each run, with its name and the remaining time."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
@@ -119,22 +119,21 @@ def _bars() -> Bars:
 
 
 Work = Callable[["MPI.Intracomm | None"], int]
-"""Makes runs on rank 0, by `Workers` on the ranks, and returns the exit status."""
+"""Makes runs on rank 0, or by `Workers` on the ranks; returns the exit status."""
 
 
 def on_root(prepare: Callable[[bool], Work]) -> int:
-    """Prepare and carry out runs on rank 0; the other ranks work (collective).
+    """Prepare and start runs on rank 0; the other ranks make them (collective).
 
     Args:
-        prepare: Looks at all that the user gave, called with whether there are several ranks;
-            returns what does it.
+        prepare: Checks the input; called with whether there are several ranks; returns the work.
 
     Returns:
         The exit status, on all ranks.
 
     Raises:
-        InputError: As `prepare`, on all ranks.
-        CastfemError: As the work, on rank 0; the others return its status.
+        InputError: From `prepare`, on all ranks.
+        CastfemError: From the work, on rank 0; the others return its status.
     """
     comm = parallel.communicator()
     work: Work | None = None
@@ -171,17 +170,17 @@ def run_all(
     noted: Callable[[Job, Outcome], None] | None = None,
     ranks: int = 1,
 ) -> None:
-    """Do jobs and note in the record how each has ended (on rank 0; the others in `on_root`).
+    """Make runs and record how each has ended (on rank 0; the others in `on_root`).
 
     Args:
-        jobs: What to run, in this order.
-        finished: How many runs were finished before.
-        record: Of all runs.
-        comm: All ranks, None for processes of this machine.
-        processes: How many of these at once; None for one a core.
-        quiet: Show nothing but runs that fail.
-        noted: Called when a run has ended and has been noted.
-        ranks: Of each run, under a launcher.
+        jobs: The runs, in this order.
+        finished: Number of runs finished before.
+        record: Record of all runs.
+        comm: All ranks; None for processes of this machine.
+        processes: Number of simultaneous processes; None for one per core.
+        quiet: Show nothing but failing runs.
+        noted: Called when a run has ended and been recorded.
+        ranks: Ranks of each run, under a launcher.
     """
     view = View(len(jobs) + finished, finished, quiet)
 
@@ -201,7 +200,7 @@ def run_all(
 
 
 def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -> Evaluator:
-    """Return what does runs for a search: ranks under a launcher, else processes."""
+    """Return an evaluator for a search: with ranks under a launcher, otherwise with processes."""
     from castfem.studies.optimisation.evaluator import Evaluator
 
     check_folder(folder)
@@ -212,7 +211,7 @@ def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -
 
 
 def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> None:
-    """Refuse a number of processes that cannot be, or of ranks."""
+    """Refuse an impossible number of processes or ranks."""
     if ranks and processes is not None:
         raise InputError("-j is for one machine; under mpirun the ranks do the work")
     if processes is not None and processes < 1:
@@ -222,7 +221,7 @@ def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> Non
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""`castfem mould` and `castfem section`: taper, the mould at work, the outline at the meniscus.
+"""`castfem mould` and `castfem section`: taper, hot mould, outline at the meniscus.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _WHERE = {"width": "mid-face, width", "height": "mid-face, height", "diagonal": "corner, diagonal"}
 _ROWS = 12
-"""Steps of the table along the mould."""
+"""Number of steps of the table along the mould."""
 _RESULTS = (
     ("heat_removed", "heat removed", "MJ/m", 1e-6),
     ("shell_mid_face", "shell, mid-face", "mm", 1e3),
@@ -36,7 +36,7 @@ _RESULTS = (
     ("mould_contact_least", "least share in contact", "%", 1e2),
     ("von_mises_max", "von Mises at the exit", "MPa", 1e-6),
 )
-"""Result of a strand, how it is called, unit, and what makes that of SI."""
+"""Result of a strand, its label, its unit, and the factor from SI."""
 
 
 def draw_mould(case: Case, picture: Path, origin: str) -> None:
@@ -63,7 +63,7 @@ def draw_mould(case: Case, picture: Path, origin: str) -> None:
 
 
 def mould_rows(mould: Mould) -> list[tuple[str, str]]:
-    """Return label and value of what characterises a mould."""
+    """Return labels and values that describe a mould."""
     rows = [("length", f"{1e3 * mould.length:g} mm from the meniscus")]
     for label, position in (("at the meniscus", 0.0), ("at the exit", mould.length)):
         sizes = mould.dimensions(position)
@@ -83,7 +83,7 @@ def mould_rows(mould: Mould) -> list[tuple[str, str]]:
 
 
 def taper_table(zones: Iterable[Zone], title: str = "") -> Table:
-    """Return the table of the tapers: dimension, zone, its size at both ends, taper in %/m."""
+    """Return the table of the tapers: dimension, zone, sizes at both ends, taper in %/m."""
     head = ("dimension", "from [mm]", "to [mm]", "inlet [mm]", "outlet [mm]", "taper [%/m]")
     rows = [
         (
@@ -124,7 +124,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     found = drawn(table, nominal_mould(table, case.section), wall)
     if coupled and turns[0].strand is None:
         given = "flux" if table.tube is not None and table.tube.hot_face is None else "hot_face"
-        print(f"mould.tube.{given} heats the tube: the strand is not run, nothing to repeat\n")
+        print(f"mould.tube.{given} heats the tube: the strand is not computed, nothing iterated\n")
     out = parallel.console()
     say(out, pairs(hot_rows(wall)), "", size_table(found, wall))
     if len(turns) > 1:
@@ -139,7 +139,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
 
 
 def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
-    """Return label and value of what characterises a tube at work."""
+    """Return labels and values that describe a working tube."""
     from castfem.physics.mould.hot.copper import SOFTENS
 
     heated, distorted = wall.heated, wall.distorted
@@ -169,7 +169,7 @@ def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
 
 
 def size_table(found: Drawing, wall: HotWall) -> Table:
-    """Return the table of dimensions cold and at work, and the temperatures of both faces."""
+    """Return the table of cold and working dimensions, and of the temperatures of both faces."""
     import numpy as np
 
     mould = found.cold
@@ -199,7 +199,7 @@ def size_table(found: Drawing, wall: HotWall) -> Table:
 
 
 def turn_table(turns: Sequence[Turn]) -> Table:
-    """Return what the turns have done to strand and wall, a column for each."""
+    """Return the table of strand and wall in each iteration, one column each."""
     heads = ["iteration", *(str(number) for number in range(1, len(turns) + 1))]
     rows = []
     for name, label, unit, factor in _RESULTS:
@@ -223,7 +223,7 @@ def _changed(turn: Turn) -> str:
 
 
 def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None:
-    """Find the section, print the runs, draw it, and write outline and wall beside the picture."""
+    """Find the outline, print the runs, draw it, and write outline and wall beside the picture."""
     from mpi4py import MPI
 
     from castfem.model.wall_shape import write_wall
@@ -239,7 +239,9 @@ def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None
 
     def progress(number: int, attempt: Attempt) -> None:
         if comm.rank == 0:
-            print(f"run {number}: {1e6 * attempt.worst:.1f} um off the wanted section", flush=True)
+            print(
+                f"run {number}: {1e6 * attempt.worst:.1f} um off the required section", flush=True
+            )
 
     try:
         attempts = find_section(case, comm, origin, position, report=progress)
@@ -274,7 +276,7 @@ def outline_table(attempt: Attempt) -> Table:
 
 
 def write_outline(path: Path, outline: Outline, about: str) -> None:
-    """Write an outline as `section.bulge` reads it, whole or not at all."""
+    """Write an outline as a file for `section.bulge`, atomically."""
     rows = zip(outline.ways, outline.offset, strict=True)
     lines = [f"# {about}", "way [mm], value [mm]"]
     lines += [f"{1e3 * way:.9g}, {1e3 * offset:.9g}" for way, offset in rows]

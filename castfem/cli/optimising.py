@@ -1,4 +1,4 @@
-"""`castfem optimise`: search for the best values of a case's keys, print, write and draw them."""
+"""`castfem optimise`: searches for the best values of a case's keys, prints and draws them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _WRITTEN = OPTIMUM_NAME, MOULD_NAME, FRONT_NAME
 
 
 class RunLines:
-    """Prints a line for each run that ends."""
+    """Prints one line for each run that ends."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet, self._count = quiet, 0
@@ -60,12 +60,12 @@ class RunLines:
 
 
 def optimise_case(options: Request) -> int:
-    """Search, and return the exit status: 2 where nothing meets the constraints (collective)."""
+    """Search; return the exit status, 2 if no point meets the constraints (collective)."""
     return many_runs.on_root(partial(_prepared, options))
 
 
 def _done(study: Study, target: Path, options: Request) -> int:
-    """Search (on rank 0), write and print the answer, and return the exit status."""
+    """Search (on rank 0), write and print the result; return the exit status."""
     assert study.evaluator is not None
     with study.evaluator:
         lines = RunLines(options.quiet)
@@ -75,7 +75,7 @@ def _done(study: Study, target: Path, options: Request) -> int:
 
 
 def _prepared(options: Request, ranks: bool) -> many_runs.Work:
-    """Read the case and look at its folder."""
+    """Read the case and check its folder."""
     many_runs.check_processes(options.processes, ranks, options.ranks)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)

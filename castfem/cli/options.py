@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options shared by several commands."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-"""What adds an argument or an option to a function that becomes a command."""
-_LONGEST = 255  # bytes of a name, in every file system in use
+"""Adds an argument or option to the function of a command."""
+_LONGEST = 255  # bytes of a file name, in every common file system
 DEFAULT = "default"
-"""Accuracy of a case with its own sizes."""
+"""Accuracy with the case's own sizes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the user asked of a command that runs cases."""
+    """Common arguments of commands that run cases."""
 
     name: str  #: case file, folder of a run, or name of a shipped case
-    folder: Path | None  #: where the command writes; None for the default
+    folder: Path | None  #: output folder; None for the default
     overrides: tuple[str, ...] = ()  #: assignments of --set
-    processes: int | None = None  #: how many runs at once; None for one a core
-    ranks: int = 1  #: of each run, under mpirun
-    resume: bool = False  #: go on from checkpoints
-    overwrite: bool = False  #: run anew, also over runs of other cases
+    processes: int | None = None  #: number of simultaneous runs; None for one per core
+    ranks: int = 1  #: ranks of each run, under mpirun
+    resume: bool = False  #: continue from checkpoints
+    overwrite: bool = False  #: repeat runs, also over runs of other cases
     figures: bool = True  #: draw the figures
-    quiet: bool = False  #: print nothing but errors
-    accuracy: str = DEFAULT  #: word for cells, steps and windows; "default" for those of the case
-    at: tuple[float, ...] = ()  #: positions, m, whose results are asked for
-    units: tuple[str, ...] = ()  #: those of --units
+    quiet: bool = False  #: print only errors
+    accuracy: str = DEFAULT  #: accuracy of cells, steps and windows; "default" for that of the case
+    at: tuple[float, ...] = ()  #: positions, m, at which results are wanted
+    units: tuple[str, ...] = ()  #: values of --units
 
     def target(self, path: Path, ending: str) -> Path:
-        """Where the command writes: by default the folder of a run of the case, with an ending."""
+        """Return the output folder: by default that of a run of the case, with a suffix."""
         from castfem.model import shipped_cases
 
         alone = shipped_cases.default_folder(self.name, path)
         return self.folder or alone.with_name(f"{alone.name}{ending}")
 
     def sizes(self, path: Path) -> list[str]:
-        """The assignments that stand for the accuracy that is asked for, and name it."""
+        """Return the assignments of the requested accuracy."""
         if self.accuracy == DEFAULT:
             return []
         from castfem.model import load_case
@@ -60,13 +60,13 @@ class Request:
         return [*assignments(case, self.accuracy), f"title={title}"]
 
     def case(self, path: Path) -> Case:
-        """The case with the keys and the accuracy that are asked for."""
+        """Return the case with the requested keys and accuracy."""
         from castfem.model import load_case
 
         return load_case(path, (*self.overrides, *self.sizes(path)))
 
     def check_reached(self, length: float) -> None:
-        """Refuse places that no run comes to: it goes down to `length`, m."""
+        """Refuse positions beyond the followed length, m."""
         from castfem.base.constants import ROUNDING
         from castfem.base.shown_units import place_said
 
@@ -85,7 +85,7 @@ _ATTRIBUTES = {"case": "name", "output": "folder", "jobs": "processes"}
 def asked(
     kind: type[Asked], at: Sequence[str] = (), units: tuple[str, ...] = (), **given: Any
 ) -> Asked:
-    """What the words on a command line ask for; places and units are checked before it runs."""
+    """Return the request from a command line; positions and units are checked before any run."""
     if given.get("resume") and given.get("overwrite"):
         raise InputError("--resume and --overwrite exclude each other")
     places: tuple[float, ...] = ()
@@ -98,12 +98,12 @@ def asked(
 
 
 class _Path(click.Path):
-    """A path; one that no file or folder can have is refused before anything is done."""
+    """A path; one that no file or folder can have is refused at once."""
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         """See `click.Path`."""
         if not str(value).strip():
-            self.fail("the name is empty; give that of a file or folder", param, ctx)
+            self.fail("the name is empty; give a file or folder", param, ctx)
         if any(len(part.encode(errors="replace")) > _LONGEST for part in Path(value).parts):
             self.fail(
                 f"a part of the name is longer than {_LONGEST} bytes; give a shorter one",
@@ -119,7 +119,7 @@ case_name: Decorator = click.argument(
     "case",
     metavar="CASE",
     type=CaseName(),
-    help="A case file, or the name of a shipped case.",
+    help="Case file, or name of a shipped case.",
     cls=Argument,
 )
 folders: Decorator = click.argument(
@@ -142,25 +142,28 @@ overrides: Decorator = click.option(
 accuracy: Decorator = click.option(
     "--accuracy",
     default="default",
-    help="Cells, steps and windows: coarse, default (the case's) or fine.",
+    help="Accuracy of cells, steps and windows: coarse, default (that of the case) or fine.",
 )
 at: Decorator = click.option(
-    "--at", metavar="POSITION", multiple=True, help='Results there, such as "800 mm"; repeatable.'
+    "--at",
+    metavar="POSITION",
+    multiple=True,
+    help='Results at this position, such as "800 mm"; repeatable.',
 )
 units: Decorator = click.option(
     "--units",
     metavar="UNITS",
     multiple=True,
-    help="In plant, si, or NAME=UNIT (temperature=degF, shell=inch); repeatable; by default "
-    "as the case says.",
+    help="Units: plant, si, or NAME=UNIT (temperature=degF, shell=inch); repeatable; by default "
+    "those of the case.",
 )
 jobs: Decorator = click.option(
-    "-j", "jobs", type=int, help="How many runs at once; by default one a core."
+    "-j", "jobs", type=int, help="Number of simultaneous runs; by default one per core."
 )
 ranks: Decorator = click.option(
     "--ranks", metavar="K", default=1, help="Under mpirun: run each case on K ranks."
 )
-quiet: Decorator = click.option("--quiet", "-q", is_flag=True, help="Say nothing but errors.")
+quiet: Decorator = click.option("--quiet", "-q", is_flag=True, help="Print only errors.")
 
 
 def folder(about: str) -> Decorator:
@@ -174,7 +177,7 @@ def output(about: str) -> Decorator:
 
 
 def file_for(output: Path | None, name: str) -> Path:
-    """Return where a file goes: as -o says, by its usual name into a folder that is there."""
+    """Return the path of a file: as given by -o, or its usual name in an existing folder."""
     if output is None:
         return Path(name)
     return output / name if output.is_dir() else output
@@ -182,7 +185,7 @@ def file_for(output: Path | None, name: str) -> Path:
 
 @contextmanager
 def chosen(units: Sequence[str]) -> Iterator[None]:
-    """Show numbers in the units that were asked for with --units, if any were."""
+    """Show numbers in the units of --units, if any are given."""
     if not units:
         yield
         return
@@ -194,13 +197,13 @@ def chosen(units: Sequence[str]) -> Iterator[None]:
 
 
 def sound_units(units: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what was given with --units, checked before the runs begin."""
+    """Return the values of --units, checked before the runs begin."""
     with chosen(units):
         return units
 
 
 def above_zero(option: str, text: str, unit: str) -> float:
-    """Return what an option gives, in SI."""
+    """Return the value of an option in SI."""
     from castfem.base.units import parse
 
     try:
@@ -214,7 +217,7 @@ def above_zero(option: str, text: str, unit: str) -> float:
 
 @contextmanager
 def read_from(path: Path) -> Iterator[None]:
-    """Name the file in errors that are raised while a case is built from it."""
+    """Add the name of the file to errors raised while a case is built from it."""
     try:
         yield
     except CaseError as error:
@@ -224,7 +227,7 @@ def read_from(path: Path) -> Iterator[None]:
 def case_and_target(
     case: str, output: Path | None, overrides: Sequence[str], ending: str
 ) -> tuple[Case, Path]:
-    """Return a case, and where its picture goes: by default its name with an ending."""
+    """Return a case and the path of its picture: by default its name with an ending."""
     from castfem.model import load_case
     from castfem.model.shipped_cases import find
 

@@ -1,4 +1,4 @@
-"""Ranks: who prints, and how; how all agree on the mistakes of the user."""
+"""MPI ranks of the command line: which one prints, and agreement on input errors."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 _LAUNCHERS = (
     ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
     ("PMI_RANK", "PMI_SIZE"),
-    ("SLURM_PROCID", "SLURM_STEP_NUM_TASKS"),  # a batch script has the first, a step has both
+    ("SLURM_PROCID", "SLURM_STEP_NUM_TASKS"),  # a batch script has the first, a step both
 )
-"""Variables of a process's number and of how many there are, by launcher."""
+"""Environment variables for rank and number of processes, by launcher."""
 _SLURM = _LAUNCHERS[-1]
-_DRAINED = 0.3  # s for the launcher to pass on what was printed
-_REACHED = 60.0  # s for all ranks to come to the first meeting
+_DRAINED = 0.3  # s for the launcher to pass on output
+_REACHED = 60.0  # s for all ranks to reach the first synchronisation
 
 
 def started() -> tuple[int, int]:
-    """Return number of this process and of all, as the launcher says: 0 of 1 without one."""
+    """Return rank and number of processes according to the launcher: 0 of 1 without one."""
     for rank, size in _LAUNCHERS:
         if rank in os.environ and size in os.environ:
             return int(os.environ[rank]), int(os.environ[size])
@@ -35,22 +35,22 @@ def started() -> tuple[int, int]:
 
 
 def rank_and_size() -> tuple[int, int]:
-    """Return MPI's rank and size; MPI is not touched where nothing says that there is a launcher.
+    """Return MPI's rank and size; MPI is only used if something indicates a launcher.
 
-    Variables of a launcher are no more than a sign: a batch script has those of its job, and a
-    launcher that belongs to another MPI, or to none, starts processes of which each is alone.
+    The variables of a launcher are only an indication: a batch script has those of its job, and a
+    launcher of another MPI, or of none, starts separate processes.
     """
     if not any(rank in os.environ for rank, _ in _LAUNCHERS):
         return 0, 1
     try:
         from mpi4py import MPI
-    except ImportError:  # no solver here: cases are checked and results shown without
+    except ImportError:  # no solver installed: cases can be checked and results shown
         return 0, 1
     return MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 
 
 def check_launcher() -> None:
-    """Refuse processes that a launcher has started as ranks, and that MPI does not connect."""
+    """Refuse processes that a launcher has started as ranks, but that MPI does not connect."""
     _, size = rank_and_size()
     _, tasks = started()
     if tasks > size:
@@ -72,12 +72,12 @@ def check_launcher() -> None:
 
 
 def _by_slurm() -> bool:
-    """Return whether this is a task of srun itself, not of Open MPI's mpirun within a job."""
+    """Whether this is a task of srun itself, not of Open MPI's mpirun within a job."""
     return _LAUNCHERS[0][0] not in os.environ and all(name in os.environ for name in _SLURM)
 
 
 def _meet() -> None:
-    """See that a message gets from each rank to the others (collective); abort if none does."""
+    """Check that messages from each rank reach the others (collective); abort if not."""
     from castfem.fem.root import all_arrive
 
     comm = communicator()
@@ -85,7 +85,7 @@ def _meet() -> None:
         return
     mend = "; start castfem by mpirun, without srun" if _by_slurm() else ""
     print(
-        f"castfem: rank {comm.rank} has waited for the other ranks in vain: MPI is set up, but no "
+        f"castfem: rank {comm.rank} waited for the other ranks in vain: MPI is set up, but no "
         f"message gets through{mend}",
         file=sys.stderr,
         flush=True,
@@ -96,7 +96,7 @@ def _meet() -> None:
 def console() -> Console:
     """Return standard output for tables, without markup.
 
-    A launcher may give its ranks a terminal even where its own output is redirected: under a
+    A launcher may give its ranks a terminal even if its own output is redirected, so that under a
     launcher only plain text is printed.
     """
     from rich.console import Console
@@ -115,7 +115,7 @@ def communicator() -> MPI.Intracomm | None:
 
 
 def agree(comm: MPI.Intracomm | None, problems: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the problems of the first rank that has any, the same on all ranks (collective)."""
+    """Return the problems of the first rank that has any, equal on all ranks (collective)."""
     if comm is None:
         return problems
     return next((found for found in comm.allgather(problems) if found), ())
@@ -127,10 +127,10 @@ def rank_of(comm: MPI.Intracomm | None) -> int:
 
 
 def pass_on() -> None:
-    """Let a launcher pass on what was printed, before something is printed on the other stream.
+    """Let the launcher pass on the output before something is printed on the other stream.
 
-    Lines of one rank that reach Open MPI's launcher on both streams at once may leave it mixed up:
-    the text on one stream, its line end on the other.
+    Lines that reach Open MPI's launcher on both streams at once may be mixed: the text on one
+    stream, its line end on the other.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -139,10 +139,10 @@ def pass_on() -> None:
 
 
 def settle() -> None:
-    """Wait a little for the other ranks, so that rank 0 has printed before the first one ends.
+    """Wait for the other ranks, so that rank 0 has printed before the first one ends.
 
-    A launcher ends all ranks as soon as one leaves with an exit status, and may then leave unread
-    what was just printed: it gets a moment for that.
+    A launcher ends all ranks as soon as one exits with an error status, possibly before it has read
+    the last output; a short pause gives it time.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -155,7 +155,7 @@ def settle() -> None:
 
 
 def together(comm: MPI.Intracomm | None) -> AbstractContextManager[object]:
-    """Return a block in which an error that one rank meets alone ends all (collective)."""
+    """Return a context in which an error on one rank ends all (collective)."""
     if comm is None:
         return nullcontext()
     from castfem.fem.root import Together

@@ -1,4 +1,4 @@
-"""The commands that draw a case before it is run, a steel, a law, or a strand in space.
+"""Commands that draw a case before its run, a steel, a law, or a strand in three dimensions.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -43,11 +43,15 @@ def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
 @command("mould billet125/hot --hot")
 @case_name
 @output("Picture, or a folder for it; by default <name>_mould.png.")
-@click.option("--hot", is_flag=True, help="How heat distorts it: cold and at work, [mould.tube].")
+@click.option(
+    "--hot",
+    is_flag=True,
+    help="Thermal distortion of the copper tube [mould.tube], cold and at work.",
+)
 @click.option(
     "--coupled",
     is_flag=True,
-    help="As --hot, and again with the strand in the hot mould, until both agree.",
+    help="Like --hot, iterated with the strand in the hot mould until both agree.",
 )
 @overrides
 def mould(
@@ -66,10 +70,10 @@ def mould(
 @command("section billet125/idealised")
 @case_name
 @output("Picture, or a folder for it; by default <name>_section.png.")
-@click.option("--at", help="Where; by default the end of the mould.")
+@click.option("--at", help="Position of the required section; by default the end of the mould.")
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
-    """Find the outline at the meniscus whose strand has the case's section further down."""
+    """Find the outline at the meniscus that gives the case's section further down."""
     from castfem.cli.mould import find_outline
 
     find_outline(*case_and_target(case, output, overrides, "section"), case, at)
@@ -78,7 +82,9 @@ def section(case: str, output: Path | None, at: str | None, overrides: tuple[str
 @command("machine slab1200/reference")
 @case_name
 @output("Picture, or a folder for it; by default <name>_machine.png.")
-@click.option("--run", type=PATH, help="Folder of a run: where it is solid, how drives pulled.")
+@click.option(
+    "--run", type=PATH, help="Folder of a run, to show where it is solid and how the drives pulled."
+)
 @overrides
 def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[str, ...]) -> None:
     """Print the rolls of a case, and draw its caster."""
@@ -99,10 +105,10 @@ def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[s
     "--database", type=PATH, metavar="FILE",
     help="Thermodynamic database (.tdb) for phases and heat, drawn beside those of the set.",
 )  # fmt: skip
-@click.option("--scheil", is_flag=True, help="Freeze by Scheil, with a database.")
+@click.option("--scheil", is_flag=True, help="With a database: freezing by Scheil.")
 @click.option(
     "--segregated", is_flag=True,
-    help="Freeze by the microsegregation of its solutes, drawn beside equilibrium.",
+    help="Freezing with microsegregation of the solutes, drawn beside equilibrium.",
 )  # fmt: skip
 def material(
     name: str,
@@ -122,7 +128,7 @@ def material(
 @command('strand results/slab1200/reference --every "50 mm"')
 @folder("Folder of a run.")
 @output("File; by default strand.vtu in DIR.")
-@click.option("--every", default="100 mm", help="Length of its cells along the strand, at most.")
+@click.option("--every", default="100 mm", help="Largest length of the cells along the strand.")
 def strand(folder: Path, output: Path | None, every: str) -> None:
     """Write the slices of a run, stacked along its caster, for ParaView."""
     from castfem.model import load_case
@@ -143,7 +149,7 @@ def strand(folder: Path, output: Path | None, every: str) -> None:
     thickness = thickness_of(case.section)
     if rolls is None or thickness is None:
         raise InputError(
-            f"{folder / CASE_NAME}: machine: the table is missing, the strand goes straight down: "
+            f"{folder / CASE_NAME}: machine: the table is missing, so the strand is vertical: "
             "open fields.xdmf; or run the case with [machine] (docs/machine.md)"
         )
     if target.suffix != ".vtu":
@@ -166,12 +172,16 @@ def strand(folder: Path, output: Path | None, every: str) -> None:
 )
 @output("File of the law; by default DATA.toml.")
 @click.option(
-    "--degree", type=int, help="Smooth over temperature, of this degree; left out: each by itself."
+    "--degree",
+    type=int,
+    help="Degree of a polynomial fit over temperature; left out: each temperature separately.",
 )
 @click.option(
-    "--softening", default="positive", help="p1: positive (0 or more), free, or none (0)."
+    "--softening",
+    default="positive",
+    help="Constraint on p1: positive (0 or more), free, or none (0).",
 )
-@click.option("--overwrite", is_flag=True, help="Replace a law and a picture of these names.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing law and picture of this name.")
 def identify(
     data: Path, output: Path | None, degree: int | None, softening: str, overwrite: bool
 ) -> None:
@@ -184,7 +194,7 @@ def identify(
     there = [p for p in (target, target.with_suffix(".png")) if p.exists() and not overwrite]
     if there:
         raise InputError(
-            f"{there[0]}: is there already; choose another file with -o, or give --overwrite"
+            f"{there[0]}: exists already; choose another file with -o, or give --overwrite"
         )
     from castfem.base.atomic_files import write_text
     from castfem.studies.identification import fit

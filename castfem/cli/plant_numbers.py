@@ -1,4 +1,4 @@
-"""Mould heat and spray water of a case in the units of a plant."""
+"""Mould heat and spray water of a case in plant units."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
 
-LITRES_A_MINUTE = 6e4  # in a m3/s
-_FAR = 3.0  # times a published flux, or this part of it: another unit was meant
+LITRES_A_MINUTE = 6e4  # converts m3/s to L/min
+_FAR = 3.0  # ratio to a published flux above or below which a wrong unit is suspected
 
 
 def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
-    """Return what the given fluxes of a sound case take without a gap, a line for each law."""
+    """Return the total heat of the fluxes of a valid case without a gap, a line for each law."""
     machine, start, lines = build_machine(case), 0.0, list[str]()
     fixed = {one.where for one in fixed_heat(case)}
     for zone in case.cooling:
@@ -53,14 +53,14 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
 
 
 def _on(law: ScaledLaw) -> str:
-    """The groups of a law in words, with a blank in front; "" for the whole surface."""
+    """The groups of a law as text after a blank; "" for the whole surface."""
     return "" if law.on is None else f" on {', '.join(law.on)}"
 
 
 def _lines(
     zone: Zone, law: ScaledLaw, given: str | float | Table, around: Surroundings
 ) -> list[str]:
-    """What one law takes over its whole zone, in all and per area, beside the published fluxes."""
+    """Heat of a law over its whole zone, in total and per area, beside published fluxes."""
     extent, machine = around.extent, around.machine
     assert extent is not None
     between = machine.time_at(extent.start), machine.time_at(extent.end)
@@ -82,7 +82,7 @@ def _lines(
 
 
 def _published(machine: Machine, between: tuple[float, float]) -> dict[str, float]:
-    """Mean along the strand of the published fluxes that are valid so long, W/m2, by name."""
+    """Published fluxes averaged along the strand, W/m2, by name, as far as they are valid."""
     start, end = between
     length = machine.position(end) - machine.position(start)
     return {
@@ -93,13 +93,13 @@ def _published(machine: Machine, between: tuple[float, float]) -> dict[str, floa
 
 
 def water_flows(case: Case, supply: Supply, mesh: SectionMesh) -> list[tuple[str, float]]:
-    """Return name and flow, m3/s, of all zones and circuits with sprays, each at its largest."""
+    """Return name and largest flow, m3/s, of all zones and circuits with sprays."""
     found: list[tuple[str, float]] = []
     start = 0.0
     for zone in case.cooling:
         end = case.casting.length if zone.to is None else zone.to
         sprays = [law for law in zone.surface if isinstance(law, Spray)]
-        if sprays and end > start:  # a run may end above a zone that has no end
+        if sprays and end > start:  # a run may end above a zone without end
             flows = [_flow(case, supply, mesh, law, end - start) for law in sprays]
             found.append((zone.name, sum(flows)))
         start = end
@@ -116,9 +116,9 @@ def _flow(case: Case, supply: Supply, mesh: SectionMesh, law: Spray, length: flo
 
 
 def water_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
-    """Return the table of the water, flows and what they are per mass of steel, and the sum.
+    """Return the table of the water: flows, water per mass of steel, and their sums.
 
-    They are the largest flows, over the steel that passes at the fastest casting speed.
+    Both are for the largest flows at the highest casting speed.
     """
     casting = case.casting
     supply = Supply(steel_per_length(mesh, steel), casting.travel, case.water, casting.clock)

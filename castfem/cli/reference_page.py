@@ -1,8 +1,8 @@
-"""The reference page of the commands, from what they tell of themselves: docs/commands.md.
+"""Writes docs/commands.md, the reference page of the commands, from their help.
 
     python -m castfem.cli.reference_page docs/commands.md
 
-writes it anew.
+updates it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _section(name: str, command: click.Command) -> str:
 
 
 def _row(parameter: click.Parameter) -> str:
-    """A row: names of an option with what it takes, or the argument, and what it is."""
+    """A row: names of an option with its value, or an argument, and the description."""
     words = [f"`{_value(parameter)}`"]
     if isinstance(parameter, click.Option):
         if parameter.is_flag or parameter.count:
@@ -61,7 +61,7 @@ def _row(parameter: click.Parameter) -> str:
 
 
 def _value(parameter: click.Parameter) -> str:
-    """What stands for the value in a line of usage."""
+    """Placeholder of the value in a line of usage."""
     kind = {"integer": "NUMBER", "float": "NUMBER"}.get(parameter.type.name, "TEXT")
     kind = parameter.type.name.upper() if parameter.type.name in ("path", "file") else kind
     return parameter.metavar or (

@@ -1,4 +1,4 @@
-"""`castfem run`: validate, look at the folder, run, and end all ranks in order."""
+"""`castfem run`: validates, checks the folder, runs, and ends all ranks in order."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for."""
+    """Arguments of the command."""
 
-    profile: bool = False  #: print where the time went
+    profile: bool = False  #: print the time spent in each part
     verbosity: int = 0  #: -1 quiet, 0 normal, 1 and more verbose
 
 
@@ -45,7 +45,7 @@ def run_case(options: Options) -> None:
                 with read_from(_place(options)[0]):
                     _run_case(case, target, comm, options)
             except Exception as error:
-                # in run.log, with the traceback if it was not raised on purpose
+                # in run.log, with the traceback of an unexpected error
                 known = isinstance(error, CastfemError)
                 text = str(error) if known else "".join(traceback.format_exception(error))
                 log.logger.error("%s", text, extra=log.FILE_ONLY)
@@ -55,7 +55,7 @@ def run_case(options: Options) -> None:
 
 
 def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, Path]:
-    """Return the case and its folder, which rank 0 has looked at.
+    """Return the case and its folder, which rank 0 has checked.
 
     Every rank reads and validates; if any finds a problem, all raise the same InputError.
     """
@@ -65,7 +65,7 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
         path, target = _place(options)
         resumed = options.resume and (path.parent / RUN_NAME).is_file()
         if options.accuracy != DEFAULT and resumed:
-            raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
+            raise InputError("--resume continues with the sizes of the run: leave out --accuracy")
         case, _, problems = problems_of(path, options.overrides, options.sizes(path))
     except InputError as error:
         problems = list(error.problems)
@@ -91,14 +91,14 @@ def _place(options: Options) -> tuple[Path, Path]:
     path = shipped_cases.find(options.name)
     if options.folder is None and path.parent == given:
         raise InputError(
-            f"{given}: is the folder of a run: `castfem run --resume {given}` goes on with it, "
+            f"{given}: is the folder of a run: `castfem run --resume {given}` continues it, "
             f"`castfem run {given} -o FOLDER` repeats it elsewhere"
         )
     return path, options.folder or shipped_cases.default_folder(options.name, path)
 
 
 def _run_case(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:
-    """Hand the case to the engine; on rank 0 print the table of the run and draw its figures."""
+    """Run the case; on rank 0 print the table of the run and draw its figures."""
     run: Callable[..., Any]
     if isinstance(case, TensileCase):
         from castfem.runs.tensile.tensile_test import run
@@ -125,7 +125,7 @@ def _run_case(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: 
 
 
 def _take_errors(target: Path) -> None:
-    """Put errors that have been found of the case beside the results of its run."""
+    """Add known errors of the case to the results of its run."""
     whole = target.resolve()  # "." has no name
     path = whole.with_name(whole.name + ERROR_ENDING) / ERROR_NAME
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""`castfem sensitivity`: derivatives of a run's results by keys of its case."""
+"""`castfem sensitivity`: derivatives of a run's results with respect to keys of its case."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for."""
+    """Arguments of the command."""
 
     of: tuple[str, ...] = ()  #: results
     to: tuple[str, ...] = ()  #: parameters
@@ -76,7 +76,7 @@ def _tell(found: Sensitivity, case: Case, target: Path, options: Options) -> Non
 
 
 def table_of(found: Sensitivity) -> Table:
-    """The derivatives."""
+    """Return the table of the derivatives."""
     rows = []
     for name, quantity in found.quantities.items():
         scale = scale_of(quantity.shown_unit, name)
@@ -87,7 +87,7 @@ def table_of(found: Sensitivity) -> Table:
 
 
 def head_of(found: Sensitivity) -> str:
-    """Return what the table is of."""
+    """Return the title of the table."""
     return f"{found.title}: {place_said(found.position)} below the meniscus"
 
 
@@ -104,7 +104,7 @@ def _cells(row: Row) -> tuple[str, str, str]:
 
 
 def _number(value: float, error: float) -> str:
-    """A derivative with its error, and without the digits that this leaves no sense in."""
+    """A derivative with its error, rounded accordingly."""
     if not math.isfinite(error):
         return f"{value:.4g} (error unknown)"
     if error == 0.0 or value == 0.0:
@@ -114,7 +114,7 @@ def _number(value: float, error: float) -> str:
 
 
 def _contact_changes(found: Sensitivity, name: str) -> str:
-    """Return where contact is about to change with a parameter; "" where it is not."""
+    """Return where contact is about to change with a parameter; "" if nowhere."""
     met = [kink for kink in found.kinks if kink.parameter == name]
     if not met:
         return ""
@@ -122,37 +122,38 @@ def _contact_changes(found: Sensitivity, name: str) -> str:
     return (
         f"by {name}: {met[0].points} points of the surface are about to touch the mould or to "
         f"leave it {place_said(met[0].position)} below the meniscus (x = {x}, y = {y}), "
-        f"in {len(met)} windows of the run: what hangs on them has the derivative to one side"
+        f"in {len(met)} windows of the run: "
+        "results that depend on them have the derivative to one side"
     )
 
 
 def _in_steps(found: Sensitivity) -> str:
-    """Return by which parameters a strained slice answers in small steps; "" where none is."""
+    """Return parameters to which a strained slice responds in small steps; "" if there are none."""
     names = [p.name for p in found.parameters if p.moves_front]
     if not (found.strained and names):
         return ""
     return (
-        f"by {', '.join(names)}: the shell grows cell by cell, and stress, strain and gap go with "
-        "it in small steps; the difference of two runs some per cent apart may differ from the "
-        "derivative by its error, and even have the other sign (docs/sensitivity.md); where the "
-        "error is large, compare two runs"
+        f"by {', '.join(names)}: the shell grows cell by cell, and stress, strain and gap "
+        "change with it in small steps; the difference of two runs a few per cent apart may differ "
+        "from the derivative by its error, and even have the other sign (docs/sensitivity.md); "
+        "where the error is large, compare two runs"
     )
 
 
 def _cut(found: Sensitivity) -> str:
-    """Return that windows were cut, which derivatives hold as they are; "" where none was."""
+    """Return that windows were shortened, which the derivatives keep fixed; "" if none was."""
     if not found.cut:
         return ""
     return (
         f"coupling windows were cut for their error {found.cut} times on the way to "
-        f"{found.windows}; runs near this one cut theirs alike, but where another one is cut "
+        f"{found.windows}; similar runs cut the same windows, but where another one is cut, "
         "results jump within that error, which no derivative shows; with coupling.window_error = "
-        '"500 K" none is cut, and a shorter coupling.interval makes them as right'
+        '"500 K" none is cut, and a shorter coupling.interval makes them as accurate'
     )
 
 
 def remarks(found: Sensitivity) -> list[str]:
-    """Return what else is to be known of the derivatives, a line each."""
+    """Return remarks on the derivatives, one line each."""
     from castfem.studies.sensitivity.result import ShownRow
 
     lines = [_contact_changes(found, p.name) for p in found.parameters]

@@ -1,6 +1,7 @@
-"""Commands that study a case by runs: sweep, error, optimise, calibrate, sensitivity, caster.
+"""Commands that make several runs: sweep, error, optimise, calibrate, sensitivity, caster.
 
-What a command only hands on to its `Options` is in `given` (`castfem.cli.options.asked`).
+Arguments that a command only passes on to its `Options` are in `given`
+(`castfem.cli.options.asked`).
 """
 
 from __future__ import annotations
@@ -24,47 +25,47 @@ from castfem.cli.options import PATH, asked, case_name, jobs, output, overrides,
     metavar="KEY=VALUE,...",
     multiple=True,
     type=Assignment(),
-    help="Values of a key; several keys: all combinations.",
+    help="Values of a key; several keys give all combinations.",
 )
 @click.option(
-    "--table", type=PATH, help="CSV file with a row for each run; its header names keys and units."
+    "--table", type=PATH, help="CSV file with one row per run; its header names keys and units."
 )
 @output("Folder; by default results/<family>/<name>_sweep.")
 @jobs
+@click.option("--resume/--no-resume", help="Continue interrupted runs from their checkpoints.")
 @click.option(
-    "--resume/--no-resume", help="Go on from the checkpoints of runs that were not finished."
+    "--overwrite/--no-overwrite", help="Repeat all runs, and replace runs of other cases."
 )
-@click.option("--overwrite/--no-overwrite", help="Run all anew, and replace runs of other cases.")
 @click.option("--figures/--no-figures", help="Draw the figures of each run.")
 @click.option(
     "--part",
     metavar="I/N",
     default="",
     show_default=False,
-    help="Do a share of the runs, the I-th of N, beside others.",
+    help="Make the I-th of N shares of the runs.",
 )
-@click.option("--collect", is_flag=True, help="Run nothing: the table of what has been run.")
+@click.option("--collect", is_flag=True, help="Make no runs: print the table of finished ones.")
 @options.ranks
 @click.option(
     "script",
     "--slurm",
     metavar="FILE",
     type=PATH,
-    help="Write a SLURM script for the parts; run nothing.",
+    help="Write a SLURM script for the parts; make no runs.",
 )
 @options.at
 @options.accuracy
 @options.units
 @quiet
 def sweep(**given: Any) -> int:
-    """Run a case with several values, in parallel. What is finished is not run again."""
+    """Run a case with several values, in parallel. Finished runs are not repeated."""
     from castfem.cli.sweeping import Options, sweep_case
 
     alone = given["part"] or given["overwrite"] or given["script"] is not None
     if given["collect"] and alone:
         raise InputError("--collect runs nothing: leave out --part, --overwrite and --slurm")
     if given["script"] is not None and given["overwrite"]:
-        raise InputError("--slurm and --overwrite exclude each other: parts are taken up again")
+        raise InputError("--slurm and --overwrite exclude each other: parts are always resumed")
     return sweep_case(asked(Options, **given))
 
 
@@ -73,19 +74,21 @@ def sweep(**given: Any) -> int:
 @output("Folder; by default results/<family>/<name>_error.")
 @overrides
 @jobs
-@click.option("--overwrite/--no-overwrite", help="Run all anew, and replace runs of another case.")
+@click.option(
+    "--overwrite/--no-overwrite", help="Repeat all runs, and replace runs of another case."
+)
 @click.option(
     "--to",
     metavar="PERCENT",
     default="",
     show_default=False,
-    help="Propose sizes with which errors are 1%, say.",
+    help="Propose sizes for a given error, such as 1%.",
 )
 @options.at
 @options.units
 @quiet
 def error(**given: Any) -> int:
-    """Run a case on other meshes, with other steps and windows: the error of each number."""
+    """Compute the error of each result, from runs with other meshes, steps and windows."""
     from castfem.cli.accuracy import Options, error_of_case
 
     return error_of_case(asked(Options, **given))
@@ -97,11 +100,11 @@ def error(**given: Any) -> int:
 @overrides
 @jobs
 @options.ranks
-@click.option("--figures/--no-figures", default=True, help="Draw the answer.")
+@click.option("--figures/--no-figures", default=True, help="Draw the result.")
 @options.units
 @quiet
 def optimise(**given: Any) -> int:
-    """Find the best values of a case's keys, by its table [optimise]. The same command goes on."""
+    """Find the best values of a case's keys, by its table [optimise]. A second call continues."""
     from castfem.cli.optimising import optimise_case
 
     return optimise_case(asked(options.Request, **given))
@@ -114,7 +117,7 @@ def optimise(**given: Any) -> int:
     metavar="DATA.csv",
     type=PATH,
     required=True,
-    help="What was measured (docs/calibrate.md).",
+    help="File with the measurements (docs/calibrate.md).",
 )
 @click.option(
     "--free",
@@ -144,20 +147,23 @@ def calibrate(case: str, to: Path, free: tuple[str, ...], output: Path | None, *
     metavar="KEY[=SPREAD],...",
     multiple=True,
     required=True,
-    help="By what: keys of the case, or steel.conductivity and the like; repeatable.",
+    help="Parameter: a key of the case, or steel.conductivity and others; repeatable.",
 )
 @click.option(
-    "--of", metavar="RESULT,...", multiple=True, help="Of what; by default heat and shell."
+    "--of",
+    metavar="RESULT,...",
+    multiple=True,
+    help="Result to differentiate; by default heat and shell; repeatable.",
 )
 @output("Folder; by default results/<family>/<name>_sensitivity.")
 @overrides
 @options.accuracy
-@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--resume/--no-resume", help="Continue from the last checkpoint.")
 @click.option("--figures/--no-figures", default=True, help="Draw the figure.")
 @options.units
 @quiet
 def sensitivity(**given: Any) -> None:
-    """Run a case once, with the derivatives of its results by some of its keys."""
+    """Run a case once and compute the derivatives of its results with respect to its keys."""
     from castfem.cli.sensitivity import Options, sensitivity_of_case
 
     sensitivity_of_case(asked(Options, **given))
@@ -170,11 +176,11 @@ def sensitivity(**given: Any) -> None:
     "--follow",
     metavar="PLANT.csv",
     type=PATH,
-    help="Follow a history that grows, row by row, in the place of caster.plant.",
+    help="Follow a growing plant record, row by row, instead of caster.plant.",
 )
 @overrides
 @options.accuracy
-@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--resume/--no-resume", help="Continue from the last checkpoint.")
 @click.option("--overwrite/--no-overwrite", help="Replace a run of another case in the folder.")
 @click.option("--figures/--no-figures", default=True, help="Draw the figure.")
 @options.units

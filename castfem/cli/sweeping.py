@@ -1,4 +1,4 @@
-"""`castfem sweep`: plan, run in parallel, print the table; in parts, and a script for SLURM."""
+"""`castfem sweep`: plans, runs in parallel, prints the table; also in parts, or by SLURM."""
 
 from __future__ import annotations
 
@@ -39,38 +39,38 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-_SOONEST = 2.0  # s between two versions of the table
+_SOONEST = 2.0  # shortest time between two updates of the table, s
 
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for."""
+    """Arguments of the command."""
 
-    assignments: tuple[str, ...] = ()  #: those of --set, with one or several values each
-    table: Path | None = None  #: CSV file of runs
-    part: str = ""  #: which share of the runs to do, `3/20`; "" for all
-    #: run nothing; make the table of what has been run, in parts or elsewhere
+    assignments: tuple[str, ...] = ()  #: assignments of --set, with one or several values each
+    table: Path | None = None  #: CSV file with the runs
+    part: str = ""  #: share of the runs to make, `3/20`; "" for all
+    #: make no runs; print the table of those finished in parts or elsewhere
     collect: bool = False
-    script: Path | None = None  #: write a script that does the sweep in parts, and run nothing
+    script: Path | None = None  #: script to write that makes the sweep in parts; no runs are made
 
 
 @dataclass(frozen=True, slots=True)
 class _Sweep:
-    """A sweep that is sound: its runs, and those of them that are still to be done here."""
+    """A valid sweep: its runs, and those to be made here."""
 
-    record: Record  #: of all its runs, those of other parts too
-    variants: tuple[Variant, ...]  #: the runs that are looked after here: all, or those of a part
-    jobs: tuple[Job, ...]  #: what is still to be run
-    whole: bool = True  #: whether that is the whole sweep
+    record: Record  #: record of all its runs, including other parts
+    variants: tuple[Variant, ...]  #: the runs of this part, or all
+    jobs: tuple[Job, ...]  #: the runs still to be made
+    whole: bool = True  #: whether this is the whole sweep
 
     @property
     def names(self) -> list[str]:
-        """Of its runs that are looked after here."""
+        """Names of the runs of this part."""
         return [one.name for one in self.variants]
 
 
 def sweep_case(options: Options) -> int:
-    """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective)."""
+    """Make a sweep; return the exit status: 2 if a run failed, otherwise 0 (collective)."""
     if options.script is not None or options.collect:
         return _alone(options) if parallel.rank_and_size()[0] == 0 else 0
     return many_runs.on_root(partial(_prepared, options))
@@ -108,7 +108,7 @@ def _draw(folder: Path) -> None:
 
 
 def _alone(options: Options) -> int:
-    """Make the table of what has been run, or the script; return the exit status."""
+    """Write the table of finished runs, or the script; return the exit status."""
     variants, target = _planned(options)
     if options.script is not None:
         words = [options.name, "-o", str(target)]
@@ -130,7 +130,7 @@ def _alone(options: Options) -> int:
 
 
 def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
-    """Run what is to be run (on rank 0), print the table, and return the exit status."""
+    """Make the runs (on rank 0), print the table; return the exit status."""
     before = len(sweep.variants) - len(sweep.jobs)
     if before and not options.quiet:
         print(f"{before} of {len(sweep.variants)} runs are finished already", file=sys.stderr)
@@ -153,7 +153,7 @@ def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
 def _report(sweep: _Sweep, options: Options) -> int:
     """Print and write the table of results; return the exit status.
 
-    One part of several writes no table: the others have rows for it, too.
+    One part of several writes no table, since the others have rows for it, too.
     """
     table = rows(sweep.names, sweep.record, options.at)
     target = sweep.record.folder
@@ -185,15 +185,15 @@ def _report(sweep: _Sweep, options: Options) -> int:
     return RunFailure.exit_status if failed or waiting else 0
 
 
-MOST = 20  # parts, where the user has not said how many
+MOST = 20  # default number of parts, at most
 Row = TypeVar("Row")
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Every n-th row, from the i-th on: rows beside each other often cost alike."""
+    """Every n-th row, from the i-th on: neighbouring rows often take equally long."""
 
-    number: int  #: which share, from 1 on
+    number: int  #: number of this share, from 1
     count: int  #: number of shares
 
     @classmethod
@@ -209,22 +209,22 @@ class Share:
         return share
 
     def of(self, rows: Sequence[Row]) -> Sequence[Row]:
-        """Return the rows of this share; none where there are more shares than rows."""
+        """Return the rows of this share; none if there are more shares than rows."""
         return rows[self.number - 1 :: self.count]
 
 
 def write_script(
     path: Path, words: Sequence[str], folder: Path, rows: int, parts: int | None, ranks: int
 ) -> int:
-    """Write an array script: a task a part, and behind it the command that makes the table.
+    """Write an array script: one task per part, then the command that makes the table.
 
     Args:
         path: The script.
-        words: The command line of the sweep, without --part and what goes with it.
-        folder: Of the sweep.
+        words: Command line of the sweep, without --part and its like.
+        folder: Folder of the sweep.
         rows: Number of its runs.
-        parts: Number of tasks; None for one a run, but not more than 20.
-        ranks: Of each run.
+        parts: Number of tasks; None for one per run, but not more than 20.
+        ranks: Ranks of each run.
 
     Returns:
         The number of parts.
@@ -233,14 +233,14 @@ def write_script(
         raise InputError(f"{path}: exists already; choose another name for the script")
     parts = min(rows, MOST) if parts is None else parts
     command = " ".join(["castfem", "sweep", *map(shlex.quote, words)])
-    launch = f"mpirun -n {ranks} " if ranks > 1 else ""  # srun may know nothing of this MPI
+    launch = f"mpirun -n {ranks} " if ranks > 1 else ""  # srun may not know this MPI
     each = f" --ranks {ranks}" if ranks > 1 else " -j 1"
     lines = [
         "#!/bin/bash",
         f"# {rows} runs in {parts} tasks of one array. Set what your cluster asks for, then, from",
         "# the folder in which castfem wrote this:",
         f"#   sbatch {shlex.quote(str(path))}",
-        "# A task that was killed goes on when it is submitted again. When all have ended:",
+        "# A killed task continues when it is submitted again. When all have ended:",
         f"#   {command} --collect",
         "#SBATCH --job-name=castfem",
         f"#SBATCH --array=1-{parts}",
@@ -250,7 +250,7 @@ def write_script(
         "#SBATCH --time=04:00:00",
         f"#SBATCH --output={shlex.quote(str(folder / 'slurm-%a.log'))}",
         "#SBATCH --requeue",
-        "#SBATCH --signal=B:USR1@60",  # mpirun kills its ranks on SIGTERM, this it passes on
+        "#SBATCH --signal=B:USR1@60",  # mpirun kills its ranks on SIGTERM, but passes this on
         "set -eu",
         "export OMP_NUM_THREADS=1",
         f'exec {launch}{command} --part "$SLURM_ARRAY_TASK_ID/{parts}" --resume --quiet{each}',

@@ -1,1 +1,1 @@
-"""Finite elements on DOLFINx and PETSc, whatever the physics: sections, solvers, ranks."""
+"""Finite elements on DOLFINx and PETSc, independent of the physics: sections, solvers, ranks."""

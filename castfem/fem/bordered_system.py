@@ -1,11 +1,11 @@
-"""Linear systems with a sparse block and a few scalar unknowns beside it.
+"""Linear systems with a sparse block and a few additional scalar unknowns.
 
     [ A  U ] [u]   [f]
     [ R  D ] [z] = [g]
 
-A is factored once per Newton step; one solve with U and f together as right-hand sides closes the
-scalars by their Schur complement, (D - R A^-1 U) z = g - R A^-1 f.  The scalars live on the last
-rank, behind its displacements.
+A is factored once per Newton step; one solve with U and f as right-hand sides gives the scalars by
+their Schur complement, (D - R A^-1 U) z = g - R A^-1 f.  The scalars are stored on the last rank,
+after its displacements.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from castfem.fem.snes import Options, weakly
 
 
 class _Context:
-    """What PETSc calls for a bordered system, which it does not keep alive."""
+    """PETSc callbacks of a bordered system; PETSc does not keep the system itself alive."""
 
     def __init__(self, system: BorderedSystem) -> None:
         self.mult, self.apply = weakly(system.mult), weakly(system.apply)
 
 
 class BorderedSystem:
-    """The bordered matrix, as PETSc matrix and preconditioner in one (python type).
+    """The bordered matrix as PETSc matrix and preconditioner in one (python type).
 
     Args:
         matrix: A; assembled by its owner before each `update`.
-        scalars: How many; with none of them this is A alone.
+        scalars: Number of scalars; without any this is A alone.
         prefix: Option prefix of the solver for A.
         options: Its PETSc options (ksp_, pc_, mat_), without prefix.
-        symmetric: Whether A is.
+        symmetric: Whether A is symmetric.
 
     Attributes:
-        solver: Of A.
+        solver: Solver of A.
         operator: The bordered matrix.
         columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.  They may
-            differ in the rows of prescribed displacements alone, where U is zero.
+            differ only in rows of prescribed displacements, where U is zero.
         corner: D (scalars, scalars), the same on every rank.
         failure: Why the last solve failed; empty if it did not.
     """
@@ -73,11 +73,11 @@ class BorderedSystem:
         self.operator.setUp()
 
     def restrict(self, matrix: PETSc.Mat, rows: Indices) -> None:
-        """From now on A is `matrix` at some of this rank's unknowns and 1 at all others.
+        """Use `matrix` for some of this rank's unknowns as A, and 1 on the diagonal for the others.
 
         Args:
             matrix: A; freed by its owner.
-            rows: Those of the displacements that this rank owns that it is for (n,).
+            rows: Displacements owned by this rank that it covers (n,).
         """
         for thing in (self._right, self._solved, self._in, self._out):
             thing.destroy()
@@ -109,18 +109,18 @@ class BorderedSystem:
         return np.asarray(self.comm.bcast(np.array(local[self.owned :]), root=self._keeper))
 
     def join(self, nodal: Array, scalars: Array) -> Array:
-        """Local part of a vector from its nodal entries and the scalars (known to all)."""
+        """Local part of a vector from its nodal entries and the scalars (known on all ranks)."""
         tail = scalars if self.comm.rank == self._keeper else np.zeros(0)
         return np.concatenate([nodal, tail])
 
     def use_with(self, ksp: PETSc.KSP) -> None:
-        """Make `ksp` solve the bordered system, exactly."""
+        """Make `ksp` solve the bordered system exactly."""
         ksp.setType("preonly")
         ksp.getPC().setType("python")
         ksp.getPC().setPythonContext(_Context(self))
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Product with the bordered matrix (line searches ask for it)."""
+        """Product with the bordered matrix (used by line searches)."""
         local = x.getArray(readonly=True)
         z, nodal = self.share(local), local[: self.owned]
         self._in.setArray(nodal[self._rows])
@@ -137,7 +137,7 @@ class BorderedSystem:
         return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Solve for one right-hand side, all columns of U along with it."""
+        """Solve for one right-hand side, together with all columns of U."""
         right = x.getArray(readonly=True)[None]
         solution = self._solve(right, self._right, self._solved)
         self.solver.tell_unread()
@@ -149,13 +149,13 @@ class BorderedSystem:
             y.setArray(solution[0])  # type: ignore[arg-type]
 
     def solve(self, rights: Array) -> Array | None:
-        """Solve for several right-hand sides, all at once (collective).
+        """Solve for several right-hand sides at once (collective).
 
         Args:
             rights: Their local parts (n, local).
 
         Returns:
-            The local parts of the solutions (n, local); None, and `failure`, without them.
+            The local parts of the solutions (n, local); None, with `failure` set, if it failed.
         """
         pair = self._dense(self.scalars + len(rights)), self._dense(self.scalars + len(rights))
         found = self._solve(rights, *pair)
@@ -168,8 +168,8 @@ class BorderedSystem:
 
         Args:
             rights: The right-hand sides.
-            given: Room for them behind the columns of U.
-            found: Room for what A makes of both.
+            given: Storage for them after the columns of U.
+            found: Storage for the solutions with A for both.
 
         Returns:
             See `solve`.

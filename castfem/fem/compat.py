@@ -1,4 +1,4 @@
-"""Every call that differs between DOLFINx 0.9, 0.10 and 0.11; nothing else asks for a version."""
+"""Every call that differs between DOLFINx 0.9, 0.10 and 0.11; no other module checks versions."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _MESHES = count()  # numbers of the meshes of this process
 
 @lru_cache(maxsize=1)
 def jit_options() -> dict[str, Any]:
-    """Where compiled forms are kept: apart for every way the elements come out.
+    """Compiler options with the cache folder: a separate one for each variant of the elements.
 
-    From 0.10 a compiled form remembers the bits of its elements, and those of an element with a
-    bubble depend on the BLAS it was made with. DOLFINx looks forms up by name alone and refuses
-    what another BLAS has left in its cache.
+    From 0.10 a compiled form contains the exact bits of its elements, and those of an element with
+    a bubble depend on the BLAS that computed them. DOLFINx looks forms up by name alone and rejects
+    a cached form of another BLAS.
     """
     quadratic = basix.ufl.element("Lagrange", "triangle", 2)
     bubble = basix.ufl.element("Bubble", "triangle", 3)
@@ -47,11 +47,11 @@ def jit_options() -> dict[str, Any]:
 
 
 def _compiled(comm: MPI.Comm, folder: str, make: Callable[[dict[str, Any]], T]) -> T:
-    """What DOLFINx makes with these options of the compiler (collective).
+    """Make a DOLFINx object with these compiler options (collective).
 
     Args:
-        comm: Of those who need it.
-        folder: Where it is kept, among others: each look-up lists all that is there.
+        comm: Communicator of the ranks that need it.
+        folder: Subfolder of the cache: each look-up lists a whole folder.
         make: Calls DOLFINx.
     """
     options = jit_options()
@@ -63,7 +63,7 @@ def compile_form(form: ufl.Form) -> fem.Form:
     """Compile a form, or find it compiled.
 
     Raises:
-        ValueError: It would be integrated by a wrong rule, see `_check_rules`.
+        ValueError: A quadrature rule would be mixed up, see `_check_rules`.
     """
     form = _renumbered(form)[0]
     comm = form.ufl_domain().ufl_cargo().comm
@@ -88,11 +88,11 @@ def _integrands(form: ufl.Form) -> dict[tuple[str, Any], _Rules]:
 
 
 def _check_rules(parts: dict[tuple[str, Any], _Rules]) -> None:
-    """Refuse two quadrature rules on a tag that do not hold on the same tags.
+    """Reject two quadrature rules on one tag whose sets of tags differ.
 
-    What one rule is for on several tags alike becomes one kernel of them. DOLFINx 0.9 finds kernels
-    by their tag: of two that share one it takes either for both, a wrong number, and no word of it.
-    Rules that hold on the same tags share a kernel, and are right.
+    Each rule's integrands with the same tags become one kernel. DOLFINx 0.9 finds kernels by tag:
+    of two that share a tag it uses one for both and silently computes a wrong value. Rules with the
+    same tags share a kernel and are correct.
     """
     if all(len(rules) == 1 for rules in parts.values()):
         return
@@ -107,14 +107,14 @@ def _check_rules(parts: dict[tuple[str, Any], _Rules]) -> None:
 
 
 def _renumbered(form: ufl.Form) -> tuple[ufl.Form, _Domains]:
-    """The form with its tags of the surface numbered 1, 2, ..., and the facets of each number.
+    """The form with surface tags renumbered 1, 2, ..., and the facets of each number.
 
-    A compiled form knows its tags: the same on another side of a section, or on more of its sides,
-    would be compiled anew. Tags that follow one another and share all integrands get one number, so
-    that facets are met in the order of their tags still: no sum changes by a bit.
+    A compiled form contains its tags, so the same form on other or more sides would be compiled
+    again. Consecutive tags that share all integrands get one number, so that facets are still
+    visited in the order of their tags: sums stay the same to the bit.
 
     Raises:
-        ValueError: It would be integrated by a wrong rule, see `_check_rules`.
+        ValueError: A quadrature rule would be mixed up, see `_check_rules`.
     """
     parts = _integrands(form)
     _check_rules(parts)
@@ -123,7 +123,7 @@ def _renumbered(form: ufl.Form) -> tuple[ufl.Form, _Domains]:
         return form, []
     tagged = surface[0].subdomain_data()
     if tagged is None or any(one.subdomain_data() is not tagged for one in surface):
-        return form, []  # DOLFINx refuses it
+        return form, []  # DOLFINx rejects it
     alike: list[list[int]] = []  # tags of each number
     for tag in sorted({tag for one in surface for tag in _tags_of(one)}):
         rules = parts["exterior_facet", tag]
@@ -147,28 +147,28 @@ def _renumbered(form: ufl.Form) -> tuple[ufl.Form, _Domains]:
 
 
 def _facets(tags: dmesh.MeshTags, tag: int) -> npt.NDArray[np.int32]:
-    """Cells and places in them of the owned facets on the surface that have a tag."""
+    """Cells and local facet numbers of the owned surface facets that have a tag."""
     topology, dim = tags.topology, tags.dim
     topology.create_connectivity(dim, dim + 1)
     topology.create_connectivity(dim + 1, dim)
     kind, facets = fem.IntegralType.exterior_facet, tags.find(tag)
     if version().startswith("0.9"):
         found = cpp.fem.compute_integration_domains(kind, topology, facets, dim)
-    else:  # it neither needs the dimension nor looks by itself which ones lie on the surface
+    else:  # it neither needs the dimension nor checks itself which facets are on the surface
         facets = np.intersect1d(facets, cpp.mesh.exterior_facet_indices(topology))
         found = cpp.fem.compute_integration_domains(kind, topology, facets)
     return np.array(found).ravel()
 
 
 class CellForm:
-    """A form that is compiled once and integrated over some of a mesh' cells, anew at no cost.
+    """A form that is compiled once and integrated over varying subsets of a mesh's cells.
 
     Args:
         mesh: The mesh.
-        form: Its measures on cells have the identifier `CELLS`, those on the surface facet tags.
+        form: Its cell measures have the identifier `CELLS`, its surface measures facet tags.
 
     Raises:
-        ValueError: It would be integrated by a wrong rule, see `_check_rules`.
+        ValueError: A quadrature rule would be mixed up, see `_check_rules`.
     """
 
     def __init__(self, mesh: dmesh.Mesh, form: ufl.Form) -> None:
@@ -184,18 +184,18 @@ class CellForm:
         self._spaces = [argument.ufl_function_space() for argument in form.arguments()]
 
     def _named(self) -> dict[Any, Any]:
-        """The coefficients by the names under which DOLFINx looks for them."""
+        """The coefficients by the names under which DOLFINx looks them up."""
         found = ufl.algorithms.extract_coefficients(self._form)
         if not version().startswith("0.9"):
             return {one: one for one in found}
-        # It names them by their place among all of the form, and finds them by that among those
-        # which the compiler has left.
+        # It names them by their index among all coefficients of the form, and looks them up by that
+        # among those the compiler has kept.
         compiled = self._compiled.ufcx_form
         places = compiled.original_coefficient_positions
         return {found[i]: found[places[i]] for i in range(compiled.num_coefficients)}
 
     def on(self, cells: npt.NDArray[np.int32], surface: bool = True) -> fem.Form:
-        """The form on local cells and, if asked for, on all of its surface."""
+        """The form on local cells and, if requested, on all of its surface."""
         kind = fem.IntegralType
         parts: dict[Any, list[tuple[int, npt.NDArray[np.int32]]]] = {kind.cell: [(CELLS, cells)]}
         if surface and self._facets:
@@ -215,12 +215,13 @@ def create_mesh(
 ) -> dmesh.Mesh:
     """Distribute `points` (n, dimension) and `cells` (m, k), given on rank 0 alone (collective).
 
-    A problem and its solver hold each other, and so their mesh, until Python collects garbage. That
-    counts objects, not communicators: MPICH has about 2000, a mesh takes five and more, and without
-    one DOLFINx aborts. Hence what earlier problems have left is collected here; before the first
-    mesh of a process there is none.
+    A problem and its solver refer to each other, and so keep their mesh until Python collects
+    garbage. The collector counts objects, not communicators: MPICH has about 2000, a mesh takes
+    five or more, and without one DOLFINx aborts. Therefore garbage of earlier problems is collected
+    here; before the first mesh of a process there is none.
 
-    `parts` are the ranks of the cells (m,), there alone, too; without it a graph partitioner cuts.
+    `parts` are the ranks of the cells (m,), also given on rank 0 alone; without it a graph
+    partitioner is used.
     """
     if next(_MESHES):
         gc.collect()
@@ -228,10 +229,10 @@ def create_mesh(
 
     def given(*_: Any) -> Any:
         assert parts is not None
-        # What DOLFINx itself calls here; since 0.10 dolfinx.graph wraps it in a class of Python.
+        # The call DOLFINx itself makes; since 0.10 dolfinx.graph wraps it in a Python class.
         return cpp.graph.AdjacencyList_int32(parts, np.arange(len(parts) + 1, dtype=np.int32))
 
-    # 0.10 swapped the order of x and e: by name it is the same call.
+    # 0.10 swapped the order of x and e: with keywords the call is the same.
     partitioner = None if parts is None or comm.size == 1 else given
     return dmesh.create_mesh(
         comm, cells=cells, x=points, e=ufl.Mesh(element), partitioner=partitioner
@@ -239,7 +240,7 @@ def create_mesh(
 
 
 def geometry_dofmap(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:
-    """Geometry nodes of each local cell, (cells, nodes); 0.11 renamed it."""
+    """Geometry nodes of each local cell, (cells, nodes); renamed in 0.11."""
     geometry = mesh.geometry
     maps = getattr(geometry, "dofmaps", None)
     if maps is not None and not callable(maps):
@@ -265,8 +266,8 @@ def assemble_matrix(form: fem.Form) -> Any:
 def without_zeros(matrix: Any) -> Any:
     """Copy of an AIJ matrix without entries below 1e-12 of its largest; frees `matrix`.
 
-    On rectangles the vertex rule leaves half of the pattern of a bilinear element empty, and a
-    factorisation pays for what the pattern holds.
+    On rectangles the vertex rule leaves half of the pattern of a bilinear element empty, and the
+    cost of a factorisation depends on the pattern.
     """
     from petsc4py import PETSc
 
@@ -299,7 +300,7 @@ def create_matrix(form: fem.Form) -> Any:
 
 
 def assemble_into(matrix: Any, form: fem.Form, conditions: list[fem.DirichletBC]) -> None:
-    """Assemble a bilinear form anew; rows and columns of the conditions become those of 1."""
+    """Assemble a bilinear form again; rows and columns of the conditions become the identity."""
     from dolfinx.fem import petsc
 
     matrix.zeroEntries()
@@ -308,7 +309,7 @@ def assemble_into(matrix: Any, form: fem.Form, conditions: list[fem.DirichletBC]
 
 
 def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> Any:
-    """Assembled PETSc matrix that takes the unknowns of one space to those of another."""
+    """Assembled PETSc matrix that maps the unknowns of one space to those of another."""
     from dolfinx.fem import petsc
 
     matrix = petsc.interpolation_matrix(coarse, fine)
@@ -317,11 +318,11 @@ def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> 
 
 
 class Tabulation:
-    """A UFL expression at points of the reference cell, on all cells of this rank or on some.
+    """A UFL expression at points of the reference cell, on all or some cells of this rank.
 
     Args:
         mesh: Mesh.
-        expression: Of any shape; with an argument (rank 1) its derivative by that.
+        expression: Expression of any shape; with an argument (rank 1), its derivative by that.
         points: Reference points (n, 2).
         cells: Local cells; all that this rank owns if None.
     """

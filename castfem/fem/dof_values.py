@@ -1,7 +1,7 @@
-"""Values and matrices of a rank's degrees of freedom: to and from other ranks, and to points.
+"""Values and matrices of a rank's degrees of freedom: exchange with other ranks, evaluation.
 
-A rank's own degrees of freedom come first, those of other ranks that its cells touch (ghosts)
-after.
+A rank's own degrees of freedom come first, followed by those of other ranks that its cells touch
+(ghosts).
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def operator(space: fem.FunctionSpace, cells: Indices, table: Array) -> sparse.c
     """Sparse matrix of values that depend linearly on a space's functions.
 
     Args:
-        space: Of the functions; the columns are this rank's degrees of freedom.
-        cells: On which they are (n,); a cell may appear several times.
+        space: Space of the functions; the columns are this rank's degrees of freedom.
+        cells: Cells of the values (n,); a cell may appear several times.
         table: Derivatives of each value by the degrees of freedom of its cell (n, values, dofs).
 
     Returns:
@@ -79,17 +79,17 @@ def operator(space: fem.FunctionSpace, cells: Indices, table: Array) -> sparse.c
 def matrix_of_nodes(
     whole: PETSc.Mat, space: fem.FunctionSpace, nodes: Flags
 ) -> tuple[PETSc.Mat, Indices]:
-    """What a matrix has among some nodes (collective).
+    """Submatrix for some nodes (collective).
 
-    What is added for other nodes by their local numbers is left out.
+    Entries added for other nodes by local numbers are ignored.
 
     Args:
-        whole: Square, assembled, on `space`; every entry that there may be has its place.
-        space: Blocked.
-        nodes: Whether each local node belongs, ghosts included, the same on every rank.
+        whole: Square, assembled, on `space`; its pattern contains every possible entry.
+        space: Blocked space.
+        nodes: Whether each local node, ghosts included, is selected; the same on every rank.
 
     Returns:
-        The matrix, and the degrees of freedom of this rank's own that it is for, in its order.
+        The matrix, and this rank's own degrees of freedom that it covers, in its order.
     """
     size, own = space.dofmap.bs, space.dofmap.index_map.size_local
     mine = np.flatnonzero(nodes[:own])

@@ -1,4 +1,4 @@
-"""Sparse factorisations: which one, a failure that is forgotten, and a solution that is checked."""
+"""Sparse factorisations: choice of solver, recovery from failures, checked solutions."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ from castfem.base import log
 from castfem.fem import reductions
 from castfem.fem.snes import Options, SolverOptions
 
-# PETSc's own factorisation has neither pivoting nor a parallel form. With minimum degree, which
-# PETSc has from SuiteSparse, it takes half the time of MUMPS for a shell of some hundred cells;
-# with nested dissection, which it always has, as long.
+# PETSc's own factorisation has neither pivoting nor a parallel form. With minimum degree ordering,
+# which PETSc has from SuiteSparse, it takes half the time of MUMPS for a shell of some hundred
+# cells; with nested dissection, which is always available, the same time.
 OWN = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "amd"}
 DISSECTED = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
-# The scaling that MUMPS chooses by itself iterates over the matrix before each factorisation, a
-# quarter of its time and on several ranks more, to no use in equations of one unit: by diagonal.
+# The default scaling of MUMPS iterates over the matrix before each factorisation, which takes a
+# quarter of its time (more on several ranks) without benefit for equations of one unit: use the
+# diagonal.
 MUMPS = {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_8": 1}
-# On several ranks its ordering, on one rank alone, takes longer than minimum degree, and fronts of
+# On several ranks its ordering, done on one rank, takes longer than minimum degree, and fronts of
 # this size are too small for ScaLAPACK.
 SEVERAL_RANKS = {"mat_mumps_icntl_7": 0, "mat_mumps_icntl_13": 1}
 
 
 @dataclass(frozen=True, slots=True)
 class OwnLimits:
-    """Up to where PETSc's own factorisation is used."""
+    """Limits up to which PETSc's own factorisation is used."""
 
-    residual: float = 1e-8  #: of its solution, over the right-hand side
+    residual: float = 1e-8  #: of its solution, relative to the right-hand side
     rows: int = 10_000  #: of the matrix
-    #: of the factor, a row: a fuller one takes MUMPS, which works on blocks, less time
+    #: of the factor, per row: for a fuller one MUMPS, which works on blocks, is faster
     entries: float = 75.0
 
 
 LIMITS = OwnLimits()
 
-ROOM = (100, 400, 1600)  # per cent beyond what MUMPS expects to need, ICNTL(14); its own is 20
+# per cent beyond the memory MUMPS expects to need, ICNTL(14); its default is 20
+ROOM = (100, 400, 1600)
 NO_ROOM = (-8, -9, -11, -14, -15, -17, -19, -20)  # INFOG(1): a workspace was too small
 SINGULAR = (-10,)
 OF_ROOM = "mat_mumps_icntl_14"
@@ -51,11 +53,11 @@ OF_ROOM = "mat_mumps_icntl_14"
 def factorise(ksp: PETSc.KSP, matrix: PETSc.Mat) -> str:
     """Factor `matrix` with the preconditioner of `ksp` (collective).
 
-    PETSc factors anew only when the preconditioner itself is set up, and a factorisation that has
-    failed stays failed until it is made from the beginning.
+    PETSc factors again only when the preconditioner itself is set up, and a failed factorisation
+    stays failed until it is created again.
 
     Returns:
-        Why it failed, empty if it did not; the next call begins from the beginning then.
+        Why it failed, empty if it did not; the next call then starts from scratch.
     """
     why = _tried(ksp)
     for room in ROOM:
@@ -75,7 +77,7 @@ def _code(info: int) -> str:
 
 
 def _tried(ksp: PETSc.KSP) -> str:
-    """Set the preconditioner up; why it failed, the same on every rank."""
+    """Set the preconditioner up; return why it failed, the same on every rank."""
     pc, error = ksp.getPC(), ""
     try:
         pc.setUp()
@@ -89,7 +91,7 @@ def _tried(ksp: PETSc.KSP) -> str:
 
 
 def _reason(pc: PETSc.PC, error: str) -> str:
-    """What MUMPS or PETSc has to say of a factorisation that failed."""
+    """The message of MUMPS or PETSc about a failed factorisation."""
     if pc.getType() in ("lu", "cholesky") and pc.getFactorSolverType() == "mumps":
         info = int(pc.getFactorMatrix().getMumpsInfog(1))
         if info < 0:
@@ -98,14 +100,14 @@ def _reason(pc: PETSc.PC, error: str) -> str:
 
 
 def _begin_anew(ksp: PETSc.KSP, matrix: PETSc.Mat) -> None:
-    """Forget the factorisation: its analysis, its room and its failure."""
+    """Discard the factorisation: its analysis, its memory and its failure."""
     ksp.getPC().reset()
     ksp.setOperators(matrix)
 
 
 @contextmanager
 def _given(name: str, value: int) -> Iterator[None]:
-    """Have an option in PETSc's database for a while, instead of what is there."""
+    """Set an option in PETSc's database for a while, overriding the present value."""
     database = PETSc.Options()
     before = database.getString(name) if database.hasName(name) else None
     database.setValue(name, value)
@@ -135,11 +137,11 @@ def has_minimum_degree() -> bool:
 
 
 def default_options(symmetric: bool, ranks: int = 1) -> dict[str, Any]:
-    """Options of the factorisation of a matrix without any of the user's.
+    """Options of the factorisation of a matrix, without the user's options.
 
     Args:
-        symmetric: Whether the matrix is.
-        ranks: How many share it.
+        symmetric: Whether the matrix is symmetric.
+        ranks: Number of ranks that share it.
     """
     if ranks == 1 and has_minimum_degree():
         return {"pc_type": "lu", **OWN}
@@ -157,15 +159,15 @@ def pivoting_options(symmetric: bool, ranks: int = 1) -> dict[str, Any]:
 class DirectSolver:
     """Solves with a matrix for several right-hand sides at once.
 
-    PETSc's own factorisation has no pivoting: where it fails, or what it finds leaves a residual,
-    MUMPS solves instead, this time.  Where its factor is full, MUMPS solves until the matrix has
-    another pattern.  Both follow from the matrix alone, so that a resumed run does the same.
+    PETSc's own factorisation has no pivoting: if it fails, or its solution leaves a residual, MUMPS
+    solves this time.  If its factor is full, MUMPS solves until the pattern of the matrix changes.
+    Both depend on the matrix alone, so that a resumed run does the same.
 
     Args:
         matrix: Assembled by its owner before each `solve`.
         prefix: Option prefix.
         options: PETSc options (ksp_, pc_, mat_), without prefix.
-        symmetric: Whether the matrix is.
+        symmetric: Whether the matrix is symmetric.
 
     Attributes:
         ksp: PETSc's solver.
@@ -190,7 +192,7 @@ class DirectSolver:
         return bool(self._matrix.getSize()[0] > LIMITS.rows)
 
     def use(self, matrix: PETSc.Mat) -> None:
-        """From now on solve with another matrix."""
+        """Solve with another matrix from now on."""
         self._matrix, self._full = matrix, self._is_large()
         self.ksp.getPC().reset()
         self.ksp.setOperators(matrix)
@@ -201,10 +203,10 @@ class DirectSolver:
 
         Args:
             given: Right-hand sides, dense.
-            found: Gets the solutions.
+            found: Output: the solutions.
 
         Returns:
-            Why that failed; empty if it did not.
+            Why it failed; empty if it did not.
         """
         own = self.ksp, self._options
         if not self._checked:
@@ -231,7 +233,7 @@ class DirectSolver:
         return f"the linear solver fails (KSP reason {reason})" if reason < 0 else ""
 
     def _unfit(self, given: PETSc.Mat, found: PETSc.Mat) -> str:
-        """What speaks against a factorisation without pivoting; empty if nothing does."""
+        """Reason against a factorisation without pivoting; empty if there is none."""
         pc, rows = self.ksp.getPC(), self._matrix.getSize()[0]
         entries = pc.getFactorMatrix().getInfo()["nz_used"] / rows
         self._full = entries > LIMITS.entries

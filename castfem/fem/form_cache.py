@@ -1,13 +1,13 @@
-"""Compiled forms on disk, whatever has become of them or of the place where they are kept.
+"""Compiled forms on disk: recovery from unfinished or damaged ones and unwritable folders.
 
-FFCx marks a form as being compiled by its C file, which it creates before, and as ready by another
-file, which it creates after; whoever finds the first alone waits for the second. If the process
-that would write it is dead, nobody ever will. Here every process that compiles holds a lock, which
-the operating system releases with the process: whoever has waited in vain, and can have the lock
-for itself, knows that no one is at work on what lacks the second file.
+FFCx creates the C file of a form before compiling and another file when it is ready; a process that
+finds only the first waits for the second. If the compiling process is dead, the second never
+appears. Here every process that compiles holds a lock, which the operating system releases with the
+process: a process that has waited in vain and can get the lock exclusively knows that nobody is
+working on forms without the second file.
 
-The second file also holds a check sum of the compiled module: one that is cut off, as on a disk
-that was full, is compiled anew.
+The second file also holds a check sum of the compiled module: a truncated one, for example from a
+full disk, is compiled again.
 """
 
 from __future__ import annotations
@@ -34,37 +34,37 @@ from castfem.base.log import logger
 from castfem.fem.root import on_root
 
 T = TypeVar("T")
-WAIT = 10  # s: of FFCx for a form that another process compiles
+WAIT = 10  # s: how long FFCx waits for a form that another process compiles
 LOCK = "compiling.lock"
-READY = ".c.cached"  # ending of the file by which FFCx marks a compiled form
-TIMED_OUT = "compilation timed out"  # what FFCx says then
-# What the operating system says of a folder that cannot be written.
+READY = ".c.cached"  # suffix of the file by which FFCx marks a compiled form
+TIMED_OUT = "compilation timed out"  # FFCx's message after that
+# The operating system's messages about a folder that is not writable.
 REFUSED = tuple(
     os.strerror(n)
     for n in (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.ENOTDIR)
 )
-# What DOLFINx says on several ranks: 0.9 and 0.10 on all of them, 0.11 on the first, on the others.
+# DOLFINx's messages on several ranks: 0.9 and 0.10 on all, 0.11 on all but the first.
 FAILED = (
     "Failed just-in-time compilation", "Failed JIT compilation", "JIT compilation failed on rank 0",
 )  # fmt: skip
 
-_MEND = "let XDG_CACHE_HOME name a folder that can be written"
-_whole = set[Path]()  # marks of forms that this process has compiled, or found whole
-_looked_through = dict[Path, int]()  # folder -> its last change when all marks in it were whole
+_MEND = "set XDG_CACHE_HOME to a writable folder"
+_whole = set[Path]()  # marks of forms that this process has compiled, or found undamaged
+_looked_through = dict[Path, int]()  # folder -> its last change when all marks in it were checked
 
 
 def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
-    """What `make` compiles, or finds compiled (collective).
+    """Return what `make` compiles, or finds compiled (collective).
 
     Args:
-        comm: Of those who need it; the first of them compiles.
-        cache: Folder of compiled forms; created if there is none. Where it cannot be written, a
-            temporary one of this process takes its place.
+        comm: Communicator of the ranks that need it; the first one compiles.
+        cache: Folder of compiled forms, created if missing. If it is not writable, a temporary
+            folder of this process is used.
         make: Calls DOLFINx with the folder.
 
     Raises:
-        RunFailure: There is no folder that can be written, or no compiler.
-        Exception: Whatever `make` raises, but that its wait was in vain or the folder refused.
+        RunFailure: There is no writable folder, or no compiler.
+        Exception: Whatever `make` raises, except a timeout or a rejected folder.
     """
     folder = _on_all(comm, partial(_ready, cache))
     while True:
@@ -89,9 +89,9 @@ def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
 
 @contextmanager
 def _readable_settings() -> Iterator[None]:
-    """Let FFCx and DOLFINx do without settings of the user that cannot be read.
+    """Let FFCx and DOLFINx ignore settings of the user that cannot be read.
 
-    They know files that are not there, but no home that is not open to them, as of another user.
+    They handle missing files, but not a home folder without permission, such as another user's.
     """
     before = os.environ.get("XDG_CONFIG_HOME")
     folder = Path(before or Path.home() / ".config")
@@ -100,7 +100,7 @@ def _readable_settings() -> Iterator[None]:
             with suppress(FileNotFoundError):
                 (folder / name).open().close()
     except OSError:
-        os.environ["XDG_CONFIG_HOME"] = os.fspath(Path(__file__).parent)  # has none of them
+        os.environ["XDG_CONFIG_HOME"] = os.fspath(Path(__file__).parent)  # contains no settings
     try:
         yield
     finally:
@@ -111,7 +111,7 @@ def _readable_settings() -> Iterator[None]:
 
 
 def _check_compiler(error: Exception) -> None:
-    """Raise a RunFailure if it is for want of a compiler that a form could not be compiled."""
+    """Raise a RunFailure if a form could not be compiled because no compiler was found."""
     command = os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc"
     compiler, headers = command.split()[0], sysconfig.get_path("include")
     lacking = [f"C compiler ({compiler})"] if shutil.which(compiler) is None else []
@@ -120,21 +120,21 @@ def _check_compiler(error: Exception) -> None:
     if lacking:
         raise RunFailure(
             f"there is no {' and no '.join(lacking)}, which DOLFINx compiles its forms with: "
-            "`apt install gcc python3-dev`, `conda install -c conda-forge c-compiler`, or let CC "
-            "name a compiler"
+            "`apt install gcc python3-dev`, `conda install -c conda-forge c-compiler`, or set CC "
+            "to a compiler"
         ) from error
 
 
 def _on_all(comm: MPI.Comm, work: Callable[[], Path]) -> Path:
-    """What the first rank finds, on all (collective)."""
+    """Result of the first rank, on all ranks (collective)."""
     found: Path = comm.bcast(on_root(comm, work), root=0)
     return found
 
 
 def _reason(comm: MPI.Comm, error: Exception) -> str:
-    """What the first rank said, if that can be mended; all ranks fail together then (collective).
+    """The first rank's message, if it can be resolved; then all ranks fail (collective).
 
-    On several ranks DOLFINx makes another error of it, which has the words of the first.
+    On several ranks DOLFINx raises another error that contains the first rank's message.
     """
     if comm.size > 1 and not str(error).startswith(FAILED):
         return ""
@@ -147,9 +147,9 @@ def _reason(comm: MPI.Comm, error: Exception) -> str:
 
 @contextmanager
 def _locked(cache: Path, kind: int) -> Iterator[None]:
-    """Hold the lock of the folder, with others (shared) or alone.
+    """Hold the lock of the folder, shared or exclusively.
 
-    Where there can be none, for want of permission or on the file system, go on without.
+    If locking is impossible (permission or file system), continue without it.
     """
     with ExitStack() as stack:
         with suppress(OSError):
@@ -159,7 +159,7 @@ def _locked(cache: Path, kind: int) -> Iterator[None]:
 
 
 def _ready(cache: Path) -> Path:
-    """The folder of a cache, or the one instead of it, without what is damaged."""
+    """The folder of a cache or its replacement, with damaged forms removed."""
     try:
         cache.mkdir(parents=True, exist_ok=True)
         changed = cache.stat().st_mtime_ns
@@ -173,7 +173,7 @@ def _ready(cache: Path) -> Path:
 
 
 def _instead(cache: Path, why: str) -> Path:
-    """A folder of this process alone, in place of a cache that cannot be written."""
+    """A folder of this process alone, in place of a cache that is not writable."""
     try:
         folder = _temporary(why) / cache.name
         folder.mkdir(exist_ok=True)
@@ -187,11 +187,11 @@ def _instead(cache: Path, why: str) -> Path:
 
 @lru_cache(maxsize=1)
 def _temporary(why: str) -> Path:
-    """A folder that goes with this process; says once why."""
+    """A folder deleted with this process; logs the reason once."""
     folder = Path(tempfile.mkdtemp(prefix="castfem-forms-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     logger.warning(
-        "the cache of compiled forms cannot be written (%s): each run compiles them anew; %s",
+        "the cache of compiled forms cannot be written (%s): each run compiles them again; %s",
         why,
         _MEND,
     )
@@ -199,7 +199,7 @@ def _temporary(why: str) -> Path:
 
 
 def _clean(cache: Path) -> None:
-    """Remove what no one will finish and what is damaged; waits until no other process compiles."""
+    """Remove unfinished and damaged forms; waits until no other process compiles."""
     with _locked(cache, fcntl.LOCK_EX):
         for source in cache.glob("*.c"):
             ready = source.with_suffix(READY)
@@ -210,29 +210,29 @@ def _clean(cache: Path) -> None:
 
 
 def _modules(ready: Path) -> list[Path]:
-    """What was compiled and marked by this file."""
+    """Compiled files marked by this file."""
     name = ready.name.removesuffix(READY)
     paths = (ready.with_name(f"{name}{ending}") for ending in EXTENSION_SUFFIXES)
     return [path for path in paths if path.exists()]
 
 
 def _seal(cache: Path) -> None:
-    """Write a check sum into the marks of what has just been compiled.
+    """Write a check sum into the marks of newly compiled forms.
 
-    A module that is cut off is not noticed when it is loaded: it ends the process by a signal.
+    Loading a truncated module is not noticed: it ends the process by a signal.
     """
     with suppress(OSError):
         if _looked_through.get(cache) == cache.stat().st_mtime_ns:
             return  # nothing has been compiled since
     for ready in cache.glob(f"*{READY}"):
         if ready not in _whole and (found := _sum(ready)):
-            with suppress(OSError):  # it is compiled anew then
+            with suppress(OSError):  # then it is compiled again
                 ready.write_text(found)
             _whole.add(ready)
 
 
 def _is_whole(ready: Path) -> bool:
-    """Whether a compiled form is as it was when it was sealed; looks once."""
+    """Whether a compiled form is unchanged since it was sealed; checked once."""
     if ready not in _whole:
         with suppress(OSError):
             if ready.read_text(errors="replace") == _sum(ready):
@@ -241,5 +241,5 @@ def _is_whole(ready: Path) -> bool:
 
 
 def _sum(ready: Path) -> str:
-    """Check sums of what was compiled; empty if there is none."""
+    """Check sums of the compiled files; empty if there are none."""
     return " ".join(f"{zlib.crc32(path.read_bytes()):08x}" for path in _modules(ready))

@@ -1,4 +1,4 @@
-"""Values at points and along lines of the section, whichever ranks hold its cells; isotherms."""
+"""Values at points and along lines of the section, independent of the rank of the cells."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from castfem.base.types import Array, Indices
 from castfem.fem import compat, reductions
 from castfem.fem.section import Section
 
-SAMPLES = 401  # along a line, packed towards the surface
+SAMPLES = 401  # samples along a line, denser towards the surface
 
 
 class Conducts(Protocol):
-    """The conduction integral of a steel, theta = int k dT, and the temperature it is of."""
+    """The conduction integral of a steel, theta = int k dT, and its inverse."""
 
     @property
     def even(self) -> bool:
@@ -33,7 +33,7 @@ class Conducts(Protocol):
         """Temperatures, K, of theta in W/m."""
 
     def __hash__(self) -> int:
-        """As of any object: what is known of it at a temperature is kept."""
+        """Hash of the object: values at temperatures are cached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +43,12 @@ class Profile:
     depth: Array  #: distance below the surface (n,), m
     temperature: Array  #: (n,), K
     cell: Array | None = None  #: size along the line of the cell of each sample (n,), m
-    #: what is linear between the samples; None for the temperature itself
+    #: quantity that is linear between the samples; None for the temperature itself
     conducts: Conducts | None = None
-    theta: Array | None = None  #: the same at the samples, where it is known (n,), W/m
+    theta: Array | None = None  #: theta at the samples, if known (n,), W/m
 
     def cell_at(self, level: float) -> float:
-        """Size of the cell in which `level` (K) is first crossed, m; NaN where it is not."""
+        """Size of the cell in which `level` (K) is first crossed, m; NaN if it is not."""
         hot = self.temperature >= level
         i = int(np.argmax(hot))
         return float(self.cell[i]) if i > 0 and self.cell is not None else np.nan
@@ -56,7 +56,7 @@ class Profile:
     def isotherm_depth(self, level: float) -> float:
         """Depth of the first crossing of `level` (K) from colder to hotter, m.
 
-        0 when the surface is at or above the level, the whole length when all of the line is below.
+        0 if the surface is at or above the level, the whole length if all of the line is below.
         """
         hot = self.temperature >= level
         if not hot.any():
@@ -75,7 +75,7 @@ class Profile:
         return float(self.depth[i - 1] + (v - v0) / (v1 - v0) * (self.depth[i] - self.depth[i - 1]))
 
 
-@lru_cache(maxsize=64)  # solidus and liquidus are asked for at each step
+@lru_cache(maxsize=64)  # solidus and liquidus are requested at each step
 def _theta(conducts: Conducts, level: float) -> float:
     """The conduction integral at a temperature, W/m."""
     return float(conducts.conduction(np.array([level]))[0])
@@ -84,14 +84,15 @@ def _theta(conducts: Conducts, level: float) -> float:
 class LineProbes:
     """Samples vertex fields of a section along its probe lines.
 
-    The interpolation is one sparse matrix, made once; a sample is one product and one small gather.
+    The interpolation is one sparse matrix, assembled once; a sample is one product and one small
+    gather.
 
-    What is linear between vertices is not the temperature, but the conduction integral, by which
-    heat flows. Where the conductivity jumps at the solidus an isotherm read off a linear
-    temperature would be wrong by half a cell.
+    Linear between vertices is the conduction integral that drives the heat flow, not the
+    temperature. Where the conductivity jumps at the solidus, an isotherm from linear temperatures
+    would be wrong by half a cell.
 
     Attributes:
-        conducts: The conduction integral of the steel; None for fields that are linear themselves.
+        conducts: The conduction integral of the steel; None for fields that are linear.
 
     Raises:
         ValueError: If a line leaves the section.
@@ -108,7 +109,7 @@ class LineProbes:
             name: fraction * float(np.linalg.norm(np.subtract(end, start)))
             for name, (start, end) in self.lines.items()
         }
-        inside = 1e-9  # of the line: how far the first and last sample are drawn inward
+        inside = 1e-9  # fraction of the line by which the first and last sample are moved inwards
         inner = inside + (1 - 2 * inside) * fraction
         points = [
             np.asarray(start) + inner[:, None] * np.subtract(end, start)
@@ -141,11 +142,11 @@ class LineProbes:
 
     @cached_property
     def _starts(self) -> PointProbes:
-        """Where the lines begin on the surface (collective when it is first asked for)."""
+        """Start points of the lines on the surface (collective on first use)."""
         return PointProbes(self.section, self._points[::SAMPLES])
 
     def _of_all(self, mine: Indices, values: Array) -> Array:
-        """Values of the samples, each from the rank that has it (n,)."""
+        """Values of the samples, each from its rank (n,)."""
         found = np.full(len(self._points), -np.inf)
         found[mine] = values
         return reductions.largest_of(self.section.comm, found)
@@ -159,7 +160,7 @@ class LineProbes:
 
         Args:
             owned: Temperature at the vertices (owned,), K.
-            conduction: The conduction integral there, where it is known (owned,), W/m.
+            conduction: The conduction integral at the vertices, if known (owned,), W/m.
         """
         law = None if self.conducts is None or self.conducts.even else self.conducts
         if law is None:
@@ -216,7 +217,7 @@ class PointProbes:
         along = np.tile([1.0, 0.0], (n, 1))
         rows, columns, weights, _ = locate(section, points, along)
         start = section.vertex_space.dofmap.index_map.local_range[0]
-        # A cell of one rank may have vertices of another: each takes its own columns.
+        # A cell of one rank may have vertices of another: each rank takes its own columns.
         entries = [
             (row, column - start, weight)
             for part in section.comm.allgather(list(zip(rows, columns, weights, strict=True)))
@@ -237,12 +238,11 @@ class PointProbes:
 def locate(
     section: Section, points: Array, along: Array
 ) -> tuple[Indices, list[npt.NDArray[np.int32]], list[Array], Array]:
-    """The points this rank has; vertices, weights and size of the cell of each (collective).
+    """The points on this rank; vertices, weights and size of the cell of each (collective).
 
-    The vertices are global ones, the size is that along a direction, m.
-    Of all cells whose box holds a point the one is taken in which it lies deepest, on all
-    ranks: a point on an edge, or a rounding outside a face, is found the same way on any
-    number of ranks.
+    The vertices are global, the size is measured along a direction, m. Among all cells whose
+    bounding box contains a point, on all ranks, the one is taken in which the point lies deepest: a
+    point on an edge, or outside a face by rounding, gets the same cell on any number of ranks.
 
     Args:
         section: The section.
@@ -270,12 +270,12 @@ def locate(
             here = np.flatnonzero(cell == one)
             xi[here] = cmap.pull_back(points[boxed[here]], np.ascontiguousarray(x[node_of[one]]))
         outside = _outside(section.cell, xi)
-        order = np.lexsort((outside, boxed))  # of each point the deepest first
+        order = np.lexsort((outside, boxed))  # for each point the deepest first
         found, first = np.unique(boxed[order], return_index=True)
         chosen = order[first]
         best[found], cells[found] = outside[chosen], cell[chosen]
         shapes[found] = _first_order_shapes(section.cell, xi[chosen])
-        known: dict[tuple[float, ...], float] = {}  # many samples of a line lie in one cell
+        known: dict[tuple[float, ...], float] = {}  # many samples of a line are in one cell
         for i in found:
             place = (cells[i], *along[i])
             if place not in known:
@@ -293,7 +293,7 @@ def _won(section: Section, points: Array, outside: Array) -> npt.NDArray[np.int6
     """The points that lie deepest in a cell of this rank; a tie goes to the lower rank."""
     comm = section.comm
     least = -reductions.largest_of(comm, -outside)
-    # Of a cell: so far outside a sample may lie, at a curved face that straight cells cut.
+    # Fraction of a cell by which a sample may lie outside, at a curved face cut by straight cells.
     if (least > 1e-2).any():
         x, y = points[np.argmax(least)]
         raise ValueError(f"probe point ({x:g}, {y:g}) m lies outside the section")

@@ -1,4 +1,4 @@
-"""Sums and extremes over all ranks; every number that is reported goes through here."""
+"""Sums and extremes over all ranks; every reported number uses these."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def totals(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 
 def any_of(comm: MPI.Comm, flag: bool) -> bool:
-    """Whether a flag is up on any rank."""
+    """Whether a flag is set on any rank."""
     return flag if comm.size == 1 else bool(comm.allreduce(flag, op=MPI.LOR))
 
 
 def smallest(comm: MPI.Comm, array: npt.NDArray[np.float64]) -> float:
-    """Smallest entry over all ranks, NaN if there is one; a rank may hold none."""
+    """Smallest entry over all ranks, NaN if any is NaN; a rank may have no entries."""
     return -float(largest_of(comm, [-array.min() if array.size else -np.inf])[0])
 
 
 def largest(comm: MPI.Comm, array: npt.NDArray[np.float64]) -> float:
-    """Largest entry over all ranks, NaN if there is one; a rank may hold none."""
+    """Largest entry over all ranks, NaN if any is NaN; a rank may have no entries."""
     return float(largest_of(comm, [array.max() if array.size else -np.inf])[0])
 
 
@@ -43,8 +43,8 @@ def peak(
 ) -> tuple[float, float, float]:
     """Largest entry over all ranks, and x and y of its place, NaN if there is none.
 
-    Of equal ones, as symmetry makes them, the one of largest x, then y: rounding, which depends on
-    the number of ranks, does not choose.
+    Of equal entries, which symmetry causes, the one of largest x, then y: the choice must not
+    depend on rounding, which varies with the number of ranks.
     """
     top = largest(comm, values)
     near = places[values >= top - 1e-9 * abs(top)] if np.isfinite(top) else places[:0]
@@ -54,9 +54,9 @@ def peak(
 
 
 def largest_of(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Largest of each of several numbers over the ranks, in one message; NaN if a rank has that.
+    """Largest of each of several numbers over the ranks, in one message; NaN if a rank has NaN.
 
-    MPI says nothing of NaN: its maximum keeps or loses one as the ranks happen to be compared.
+    MPI does not specify NaN: its maximum keeps or loses one depending on the order of the ranks.
     """
     own = np.array(values, dtype=np.float64)
     if comm.size == 1:

@@ -1,4 +1,4 @@
-"""What one rank does for others: it fails on every rank if it fails, and none is left waiting."""
+"""Work done by one rank for others: if it fails, every rank fails, and none is left waiting."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
 
 
 def shared_out(comm: MPI.Comm, works: Sequence[Callable[[], T]]) -> list[T]:
-    """Do each piece of work on one rank, and have all results on every rank (collective).
+    """Do each piece of work on one rank; all results on every rank (collective).
 
     Raises:
-        Exception: On every rank, what the first piece that failed has raised.
+        Exception: On every rank, what the first failed piece raised.
     """
     if comm.size == 1:
         return [work() for work in works]
@@ -61,10 +61,10 @@ def shared_out(comm: MPI.Comm, works: Sequence[Callable[[], T]]) -> list[T]:
 
 
 def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
-    """Raise on every rank the error of the lowest rank that has one (collective).
+    """Raise the error of the lowest rank that has one on every rank (collective).
 
     Raises:
-        Exception: That error.
+        Exception: The lowest rank's error.
     """
     if comm.size == 1:
         if error is not None:
@@ -79,7 +79,7 @@ def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
 
 
 def all_arrive(comm: MPI.Comm, patience: float | None = None) -> bool:
-    """Whether all ranks come here within so many seconds, by default `PATIENCE`."""
+    """Whether all ranks arrive here within so many seconds, by default `PATIENCE`."""
     request = comm.Ibarrier()
     end = time.monotonic() + (PATIENCE if patience is None else patience)
     while not request.Test():
@@ -90,17 +90,17 @@ def all_arrive(comm: MPI.Comm, patience: float | None = None) -> bool:
 
 
 class Together(Closing):
-    """Around work that takes all ranks: an error that one rank meets alone ends them all.
+    """Context for work of all ranks: an error on a single rank ends all of them.
 
-    The others would wait for it for ever, in whatever they do next together; and so would it, in
-    freeing what belongs to all. Whoever leaves the block by an error therefore waits a little for
-    the others first: if they come too, all go on to clean up; if not, it says what happened and
-    aborts.
+    Otherwise the others would wait for that rank forever in their next collective call, and it for
+    them when freeing shared objects. A rank that leaves the block by an error therefore first waits
+    a little for the others: if they also leave, all continue to clean up; if not, it reports the
+    error and aborts.
 
     Args:
-        comm: All ranks (collective); a message of its own kind goes between them.
+        comm: All ranks (collective); a separate communicator is used for messages.
         agreed: Errors that ranks raise together, if they raise them.
-        last_words: Called with the error on rank 0 before that aborts; it alone has the files.
+        last_words: Called with the error on rank 0 before it aborts; only rank 0 has the files.
     """
 
     def __init__(
@@ -115,9 +115,10 @@ class Together(Closing):
         self._met: bool | None = None if comm.size > 1 else True
 
     def meet(self, error: BaseException) -> bool:
-        """Return whether all ranks have an error of the agreed kinds, and so may work together.
+        """Return whether all ranks have an error of the agreed kinds, so they may work together.
 
-        Does not return where other ranks have none at all. (Collective; one rank may always.)
+        Does not return if other ranks have no error. (Collective; a single rank may always call
+        it.)
         """
         if self._comm is not None and self._met is None:
             if not all_arrive(self._comm):
@@ -141,9 +142,9 @@ class Together(Closing):
 
 
 def _report_alone(error: BaseException, rank: int) -> int:
-    """Say what only this rank has met, and return the exit status of all.
+    """Report an error that only this rank has, and return the exit status of all.
 
-    With the traceback of what was not raised on purpose: no caller will ever see it.
+    With the traceback of an unexpected error, since no caller will see it.
     """
     status = CastfemError.exit_status
     if isinstance(error, CastfemError):

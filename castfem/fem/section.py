@@ -1,4 +1,4 @@
-"""The section's mesh over the ranks; values of nodes and cells, to and from rank 0."""
+"""The section's distributed mesh; transfer of nodal and cell values to and from rank 0."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Section:
     """A `SectionMesh`, held by rank 0, as a DOLFINx mesh with tagged boundary groups.
 
-    Nodal values are numbered two ways: by the degrees of freedom of a rank (`vertex_space`), and by
+    Nodal values have two numberings: by the degrees of freedom of a rank (`vertex_space`), and by
     the nodes of the `SectionMesh` (files, checkpoints), which do not depend on the number of ranks.
 
     Args:
@@ -34,8 +34,8 @@ class Section:
         mesh: DOLFINx mesh. facet_tags: tags of the boundary groups, by position in `groups`.
         vertex_space: First-order Lagrange space, one value per vertex.
         groups: Names of the boundary groups. probes: Lines inward from the surface.
-        multiplicity: How many times the modelled part makes up the whole section.
-        owned: Number of this rank's own vertices. cells: Of its own cells.
+        multiplicity: Number of copies of the modelled part in the whole section.
+        owned: Number of this rank's own vertices. cells: Number of its own cells.
         compiled: Names of the forms compiled on it.
     """
 
@@ -68,7 +68,7 @@ class Section:
         self.compiled: list[str] = []
 
     def _ranks_of_cells(self, source: SectionMesh) -> npt.NDArray[np.int32]:
-        """Which rank each cell goes to (m,)."""
+        """Rank of each cell (m,)."""
         outer = [i for i, name in enumerate(self.groups) if name in self.outer_groups]
         at_surface = np.zeros(len(source.points), dtype=bool)
         at_surface[source.facets[np.isin(source.facet_group, outer)]] = True
@@ -76,12 +76,12 @@ class Section:
         return straight_cuts(source.points, source.cells, rim, self.comm.size)
 
     def compile(self, name: str, form: ufl.Form) -> fem.Form:
-        """Compile `form`, noting `name`: what a simulation compiled is part of its record."""
+        """Compile `form`, recording `name` for the run's record."""
         self.compiled.append(name)
         return compat.compile_form(form)
 
     def compile_on_cells(self, name: str, form: ufl.Form) -> compat.CellForm:
-        """The same for a form that is to be integrated over some of the cells."""
+        """Compile a form that is to be integrated over some of the cells."""
         self.compiled.append(name)
         return compat.CellForm(self.mesh, form)
 
@@ -124,14 +124,14 @@ class Section:
         return dmesh.meshtags(self.mesh, 1, local[order], values[order])
 
     def matching(self, names: list[str] | tuple[str, ...]) -> list[int]:
-        """Tags of the groups that `names` stand for: a name covers all that begin with it."""
+        """Tags of the groups whose names begin with one of `names`."""
         return [i for i, g in enumerate(self.groups) if any(g.startswith(n) for n in names)]
 
     def required(self, names: list[str] | tuple[str, ...]) -> list[int]:
-        """The same, for names each of which has to stand for some.
+        """Like `matching`, for names each of which must match a group.
 
         Raises:
-            InputError: Naming each that does not.
+            InputError: Lists the names that match none.
         """
         problems = [
             f'"{name}": no such boundary group; there are {", ".join(self.groups)}'
@@ -144,13 +144,14 @@ class Section:
 
     @property
     def outer_groups(self) -> tuple[str, ...]:
-        """Groups on the strand's surface: all but the lines of symmetry."""
+        """Groups on the strand's surface: all except the symmetry lines."""
         return tuple(g for g in self.groups if not g.startswith("symmetry"))
 
     def gather(self, owned: Array) -> Array | None:
         """Vertex values (owned,) of all ranks as (n_nodes,) on rank 0, None elsewhere.
 
-        Nodes that are no vertices (second-order geometry) get the mean of the vertices around them.
+        Nodes that are not vertices (second-order geometry) get the mean of the vertices around
+        them.
         """
         pieces = self.comm.gather(np.ascontiguousarray(owned))
         if pieces is None or self.source is None or self._all_nodes is None:
@@ -170,7 +171,7 @@ class Section:
         return np.asarray(everything[self.node_of_owned], dtype=np.float64)
 
 
-# Which vertices a second-order node lies between, in DOLFINx order.
+# Vertices on both sides of a second-order node, in DOLFINx order.
 _MIDDLE: dict[str, dict[int, tuple[int, ...]]] = {
     "triangle": {3: (1, 2), 4: (0, 2), 5: (0, 1)},
     "quadrilateral": {4: (0, 1), 5: (0, 2), 6: (1, 3), 7: (2, 3), 8: (0, 1, 2, 3)},
@@ -178,10 +179,10 @@ _MIDDLE: dict[str, dict[int, tuple[int, ...]]] = {
 
 
 class Cellwise:
-    """Values by cell on rank 0, numbered as in the input mesh whatever the number of ranks.
+    """Values by cell on rank 0, numbered as in the input mesh for any number of ranks.
 
-    Checkpoints keep stress, state and displacement like this: what belongs to a cell's points and
-    nodes, in the order of the reference cell.
+    Checkpoints store stress, state and displacement like this: values at a cell's points and nodes,
+    in the order of the reference cell.
     """
 
     def __init__(self, section: Section) -> None:
@@ -209,20 +210,19 @@ DIRECTIONS = np.array([(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0)])
 
 
 def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.NDArray[np.int32]:
-    """Rank of each cell (m,): the section is cut in two, each part again, until all have one.
+    """Rank of each cell (m,) by recursive bisection of the section.
 
-    Where deep liquid is left out of the equations, the work is that of the cells near the surface.
-    A graph partitioner gives all ranks as many cells, but one of two ranks the narrow face of half
-    a slab and with it half as many cells of the rim again as the other.
+    Where deep liquid is left out of the equations, the cells near the surface cause the work. A
+    graph partitioner gives all ranks the same number of cells, but of two ranks for half a slab one
+    gets the narrow face and thus half as many rim cells again as the other.
 
-    Of some directions each cut takes that which leaves the rim the most even, and few nodes on both
-    sides.
+    Each cut has, among several directions, the one with the most even rim and few shared nodes.
 
     Args:
         points: (n, 2), m.
         cells: Nodes of each cell (m, k).
         rim: Whether a cell is at the surface (m,).
-        ranks: How many.
+        ranks: Number of ranks.
     """
     found = np.zeros(len(cells), np.int32)
     middles = points[cells].mean(axis=1)
@@ -241,16 +241,16 @@ def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.
 
 
 def _cut(places: Array, share: float) -> Flags:
-    """Flags of the first cells, a share of all, in the order of their places."""
+    """Flags of the first cells by position, a given share of all."""
     first = np.zeros(len(places), bool)
-    # Rounded, m: cells of one row stand at the same place.
+    # Rounded, m: cells of one row have the same position.
     order = np.argsort(np.round(places, 9), kind="stable")
     first[order[: round(share * len(places))]] = True
     return first
 
 
 def _cost(cells: Indices, rim: Flags, first: Flags, share: float) -> float:
-    """What speaks against a cut, in cells: an uneven rim, and nodes that are on both sides."""
+    """Cost of a cut in cells: an uneven rim, and nodes on both sides."""
     uneven = abs(int(rim[first].sum()) - share * int(rim.sum()))
-    layers = 6  # cells of a shell's thickness: so much work hangs on a cell of the rim
+    layers = 6  # cells across a shell's thickness: the work that a rim cell stands for
     return layers * uneven + len(np.intersect1d(cells[first], cells[~first]))

@@ -1,6 +1,6 @@
-"""A small nonlinear problem on PETSc SNES: options that arrive, convergence judged per field.
+"""Small nonlinear problems on PETSc SNES, with checked options and convergence per field.
 
-The problem owns its vectors; SNES works on vectors of its own (the line search needs that).
+The problem owns its vectors; SNES works on its own copies (the line search needs that).
 """
 
 from __future__ import annotations
@@ -24,51 +24,51 @@ Options = Mapping[str, Any]
 Returned = TypeVar("Returned")
 
 LINEAR_SHARE = 0.05
-"""Of a field's tolerance: what an iterative linear solver may leave of the residual."""
+"""Share of a field's tolerance that an iterative linear solver may leave of the residual."""
 LEAST_REDUCTION = 0.1
-"""Of the residual by an iterative linear solver, however near to the tolerances it is."""
+"""Least reduction of the residual by an iterative linear solver, even close to the tolerances."""
 FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_", "mg_")
 
 
 def weakly(method: Callable[..., Returned]) -> Callable[..., Returned]:
     """Return a bound method as a callback that does not keep its object alive.
 
-    Python's garbage collector does not see what PETSc's objects refer to: a solver whose SNES calls
-    it back by plain methods is never freed, nor are its matrices and MPI communicators.
+    Python's garbage collector does not see the references of PETSc's objects: a solver whose SNES
+    holds its plain bound methods is never freed, nor are its matrices and MPI communicators.
     """
     reference = weakref.WeakMethod(method)
 
     def call(*arguments: Any) -> Returned:
         found = reference()
-        assert found is not None  # it solves
+        assert found is not None  # it is solving, so it exists
         return found(*arguments)
 
     return call
 
 
 class NonlinearProblem(Protocol):
-    """What `SnesSolver` needs to know of a problem."""
+    """Interface of a problem for `SnesSolver`."""
 
     def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        """Put F(x) into `out`."""
+        """Compute F(x) in `out`."""
         ...
 
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
-        """Put dF/dx at `x` into `out`; called right after `residual` at the same x."""
+        """Compute dF/dx at `x` in `out`; called right after `residual` at the same x."""
         ...
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
-        """Size of the residual of each field over that field's tolerance; all <= 1 is done."""
+        """Residual of each field relative to its tolerance; converged if all are <= 1."""
         ...
 
 
 @dataclass(slots=True)
 class SolveResult:
-    """How one solve ended."""
+    """Result of one solve."""
 
     converged: bool  #: whether every field met its tolerance
     iterations: int  #: Newton iterations
-    reason: str  #: SNES' or castfem's word for why it stopped
+    reason: str  #: why it stopped, in the words of SNES or castfem
     #: residual of each field over its tolerance, for each iteration
     norms: list[dict[str, float]] = field(default_factory=list)
 
@@ -86,16 +86,16 @@ def _reason_names() -> dict[int, str]:
 class SolverOptions:
     """PETSc options of one solver, in PETSc's database only while that solver works.
 
-    Some are read when the solver is made, others when it first factors.  Left in the database they
-    would bind every later solver of the same prefix.
+    Some are read when the solver is created, others at the first factorisation.  Left in the
+    database they would apply to every later solver with the same prefix.
 
     Args:
-        prefix: Of the options in the database.
+        prefix: Prefix of the options in the database.
         options: Without prefix, without a leading dash.
-        asked: Names of those to be told of if PETSc never reads them; all if None.
+        asked: Names of the options to report if PETSc never reads them; all if None.
 
     Raises:
-        InputError: If an option is of no family PETSc knows.
+        InputError: An option belongs to no family that PETSc knows.
     """
 
     def __init__(self, prefix: str, options: Options, asked: Collection[str] | None = None) -> None:
@@ -113,9 +113,9 @@ class SolverOptions:
 
     @contextmanager
     def given(self) -> Iterator[None]:
-        """Have them in PETSc's database for a while."""
+        """Put the options into PETSc's database for a while."""
         database = PETSc.Options()
-        # What came from the command line (PETSC_OPTIONS) is the user's last word.
+        # Options from the command line (PETSC_OPTIONS) take precedence.
         mine = [k for k in self._options if not database.hasName(self._prefix + k)]
         for key in mine:
             database.setValue(self._prefix + key, self._options[key])
@@ -127,10 +127,10 @@ class SolverOptions:
                 database.delValue(self._prefix + key)
 
     def apply(self, *objects: PETSc.Object) -> None:
-        """Hand them to PETSc objects (SNES, KSP, PC).
+        """Apply the options to PETSc objects (SNES, KSP, PC).
 
         Raises:
-            InputError: If PETSc refuses a value.
+            InputError: PETSc rejects a value.
         """
         with self.given():
             try:
@@ -140,17 +140,17 @@ class SolverOptions:
                 raise InputError(_refused(self._prefix, self._options, str(error))) from error
 
     def tell_unread(self) -> None:
-        """Warn of those that PETSc has not asked for, once; call it after the first solve."""
+        """Warn once about options that PETSc has not read; call it after the first solve."""
         for key in self._unread:
             logger.warning(
-                '%s solver: PETSc has not read %s = "%s": a wrong name, or of no use with the rest',
+                '%s solver: PETSc has not read %s = "%s": its name is wrong, or it is unused',
                 self._prefix.rstrip("_"), key, self._options[key],
             )  # fmt: skip
         self._unread = []
 
 
 def _read(name: str) -> bool:
-    """Whether PETSc has read an option in its database; petsc4py does not hand that on."""
+    """Whether PETSc has read an option in its database; petsc4py does not provide this."""
     found = ctypes.c_int(0)
     library = ctypes.CDLL(PETSc.__file__)
     library.PetscOptionsUsed(None, name.encode(), ctypes.byref(found))
@@ -158,7 +158,7 @@ def _read(name: str) -> bool:
 
 
 def _refused(prefix: str, options: Options, message: str) -> str:
-    """What PETSc says of a value, after the options that hold it (all, if it does not tell)."""
+    """PETSc's message about a value, after the options that have it (all, if it does not say)."""
     reason = re.sub(r"^\[\d+\] ", "", message.splitlines()[-1])
     meant = {
         k: v for k, v in options.items() if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason)
@@ -169,17 +169,17 @@ def _refused(prefix: str, options: Options, message: str) -> str:
 
 
 def try_options(prefix: str, options: Options) -> None:
-    """Hand options to a small solver that is thrown away, so that a wrong one is told at once.
+    """Apply options to a small temporary solver, so that a wrong one is reported at once.
 
-    A package that is to factor (pc_factor_mat_solver_type) is looked for when PETSc factors for
-    the first time, in the midst of a run: here a unit matrix is factored. Not collective.
+    PETSc looks up a factorisation package (pc_factor_mat_solver_type) only at the first
+    factorisation, in the middle of a run: here a unit matrix is factored. Not collective.
 
     Args:
-        prefix: Of the solver that is meant, as the message names it.
-        options: Ours and the user's, without prefix.
+        prefix: Prefix of the actual solver, for the message.
+        options: Default and user options, without prefix.
 
     Raises:
-        InputError: An option is of no family PETSc knows, or PETSc refuses its value.
+        InputError: An option belongs to no family that PETSc knows, or PETSc rejects its value.
     """
     given = SolverOptions(prefix, options, asked=())
     matrix = PETSc.Mat().createAIJ((2, 2), nnz=1, comm=PETSc.COMM_SELF)
@@ -210,21 +210,20 @@ class SnesSolver:
 
     Args:
         problem: Residual, Jacobian and norms.
-        vector: A vector of the unknowns' layout. matrix: The Jacobian's storage.
+        vector: A vector of the unknowns' layout. matrix: Storage of the Jacobian.
         prefix: Unique option prefix that ends in an underscore.
         options: PETSc options without prefix, without a leading dash.
-        watch: Charged with "petsc" for what SNES does itself; the problem charges its own part.
-        shorten: Called with the unknowns and Newton's correction before each step (SNES takes the
-            correction off the unknowns); may scale the correction, and tells whether it did, or
-            None to give up at the unknowns as they are.
-        asked: Names of the options the user has written, of which those that PETSc never reads are
-            told; all if None.
-        reduction: Most of the residual's reduction by an iterative linear solver: no more than the
-            fields' tolerances need is asked of it, unless the user has given ksp_rtol. None leaves
-            it to the options.
+        watch: Charged with "petsc" for the time in SNES itself; the problem charges its own part.
+        shorten: Called with the unknowns and Newton's correction before each step (SNES subtracts
+            the correction); may scale the correction and returns whether it did, or None to give up
+            at the present unknowns.
+        asked: Names of the user's options, to report those that PETSc never reads; all if None.
+        reduction: Largest reduction of the residual requested of an iterative linear solver, which
+            need not exceed the fields' tolerances, unless the user sets ksp_rtol. None leaves it to
+            the options.
 
     Raises:
-        InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
+        InputError: An option belongs to no family that PETSc knows, or PETSc rejects its value.
     """
 
     def __init__(
@@ -262,7 +261,7 @@ class SnesSolver:
         self._given_up = False
 
     def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned:
-        """Charge a call from SNES to "python"; keep what it raises, which PETSc may replace."""
+        """Charge a call from SNES to "python"; keep its exception, which PETSc may replace."""
         self.watch.start("python")
         try:
             return method(*given)
@@ -283,7 +282,7 @@ class SnesSolver:
         shortened = self._called_back(self._shorten, x, correction)
         if shortened is None:
             self._given_up = True
-            correction.set(0.0)  # which SNES takes for convergence: see `solve`
+            correction.set(0.0)  # SNES takes this for convergence: see `solve`
         return shortened is not False
 
     def _converged(
@@ -303,13 +302,14 @@ class SnesSolver:
         if its >= snes.getTolerances()[3]:
             return int(reasons.DIVERGED_MAX_IT)
         if self._reduction is not None:
-            # What Newton's method leaves is of second order; what lies below a tolerance is lost.
+            # The remainder of Newton's method is of second order; reductions below a tolerance are
+            # wasted.
             enough = min(max(self._reduction, LINEAR_SHARE / worst), LEAST_REDUCTION)
             snes.getKSP().setTolerances(rtol=enough)
         return int(reasons.ITERATING)
 
     def solve(self) -> SolveResult:
-        """Solve from the values in `x`, in place; never raises for a lack of convergence."""
+        """Solve from the values in `x`, in place; never raises if it does not converge."""
         self._history = []
         self._raised, self._given_up = None, False
         with self.watch.section("petsc"), self._options.given():
@@ -318,7 +318,7 @@ class SnesSolver:
             except PETSc.Error:
                 if self._raised is None:
                     raise
-                raise self._raised from None  # Ctrl-C in the midst of a solve, say
+                raise self._raised from None  # for example Ctrl-C in the middle of a solve
         reason = self.snes.getConvergedReason()
         if self._given_up:
             reason = int(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)

@@ -1,4 +1,4 @@
-"""What all tables of a case file have in common, those of several kinds among them."""
+"""Base classes of the tables of a case file, including tables that come in several kinds."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
 LENIENT: dict[str, bool] = {"lenient": True}
 """Validation context in which a bad value becomes `UNREADABLE` instead of an error.
 
-With it the checks across keys can still run on the sound part of a faulty case, so that all
-problems are reported at once.
+This lets the checks across keys run on the sound part of a faulty case, so that all problems are
+reported at once.
 """
 
 
 class FaultyError(Exception):
-    """A check has asked for a value that could not be read."""
+    """A check has requested a value that could not be read."""
 
 
 class Unreadable:
-    """Stands for a value that could not be read; to ask it for anything raises `FaultyError`."""
+    """Stands for a value that could not be read; any operation on it raises `FaultyError`."""
 
     def _refuse(self, *_: object) -> NoReturn:
         raise FaultyError
@@ -76,11 +76,11 @@ class TableModel(BaseModel):
         frozen=True,
         validate_default=True,
         protected_namespaces=(),
-        defer_build=True,  # a table is built as part of the whole case, and not by itself before
+        defer_build=True,  # validated as part of the whole case, not on import
     )
 
     def __setstate__(self, state: dict[Any, Any]) -> None:
-        """Build the table, which another process has validated, so that it can be written here."""
+        """Restore a table that another process has validated, so that it can be written here."""
         if not type(self).__pydantic_complete__:
             type(self).model_rebuild()
         super().__setstate__(state)
@@ -100,11 +100,11 @@ class TableModel(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class OneWord:
-    """Annotation of a table that a single word may stand for: that word under its main key."""
+    """Annotation of a table that one word may replace: the value of its main key."""
 
     key: str  #: the main key
-    words: tuple[str, ...]  #: what it may be where nothing else has to be given
-    example: str = ""  #: the table written out; "" where the table itself refuses other words
+    words: tuple[str, ...]  #: allowed values of the main key if no other key has to be given
+    example: str = ""  #: the table written out; "" if the table itself refuses other words
 
     def _table(self, given: Any) -> Any:
         if not isinstance(given, str):
@@ -131,7 +131,7 @@ class OneWord:
 
 @cache
 def meaning(model: type[BaseModel]) -> dict[str, str]:
-    """Return what each key of a table means: the docstring of the attribute, or of its Field."""
+    """Return the description of each key of a table: the docstring of its attribute or Field."""
     found: dict[str, str] = {}
     for base in (base for base in reversed(model.__mro__) if issubclass(base, TableModel)):
         found |= _attribute_docstrings(base.__module__).get(base.__name__, {})
@@ -162,9 +162,9 @@ def _documented(body: list[ast.stmt]) -> Iterator[tuple[str, str]]:
 
 
 class Variants(TableModel):
-    """Base of a table that is of one of several kinds.
+    """Base of a table that comes in several kinds.
 
-    A base names its key and has an empty dict for its kinds; its subclasses enter it by themselves.
+    A base names its key and has an empty dict for its kinds; each subclass registers itself.
     """
 
     tag_key: ClassVar[str]
@@ -173,11 +173,11 @@ class Variants(TableModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Enter a kind under its value of the key.
+        """Register a kind under its value of the key.
 
         Raises:
-            TypeError: It leaves out what the base asks of all kinds (its abstract methods): told
-                where the kind is defined, not in the middle of a run.
+            TypeError: It lacks an abstract method of the base; raised where the kind is defined,
+                not in the middle of a run.
         """
         super().__pydantic_init_subclass__(**kwargs)
         tag = tag_of(cls)
@@ -190,12 +190,12 @@ class Variants(TableModel):
 
     @property
     def tag(self) -> str:
-        """Which kind this is, as a case file names it."""
+        """Name of this kind in a case file."""
         return str(getattr(self, self.tag_key))
 
     @classmethod
     def variants(cls) -> list[type[TableModel]]:
-        """Return the kinds of a base; a kind has none."""
+        """Return the kinds of a base; a kind itself has none."""
         return list(cls.kinds.values()) if cls._is_base() else []
 
     @classmethod
@@ -204,7 +204,7 @@ class Variants(TableModel):
 
     @classmethod
     def _chosen(cls, given: Any, info: ValidationInfo) -> Self:
-        """Return the kind that is asked for, validated."""
+        """Return the selected kind, validated."""
         if isinstance(given, cls):
             return given
         tag = given.get(cls.tag_key) if isinstance(given, Mapping) else None
@@ -222,7 +222,7 @@ class Variants(TableModel):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return the schema of a kind; that of a base looks for the kind when it is given one."""
+        """Return the schema of a kind; the schema of a base selects the kind from the input."""
         if cls._is_base():
             return core_schema.with_info_plain_validator_function(cls._chosen)
         return handler(source)
@@ -231,12 +231,12 @@ class Variants(TableModel):
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """Return the JSON schema: of a base, that of any of its kinds."""
+        """Return the JSON schema; for a base, any of the schemas of its kinds."""
         if not cls._is_base():
             return handler(schema)
         choices = {tag: model.__pydantic_core_schema__ for tag, model in cls.kinds.items()}
         found = handler(core_schema.tagged_union_schema(choices, discriminator=cls.tag_key))
-        found.pop("discriminator", None)  # no word of JSON schema
+        found.pop("discriminator", None)  # not a JSON schema keyword
         return found
 
 

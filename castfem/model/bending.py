@@ -1,4 +1,4 @@
-"""How the planes of a slice may be constrained, of a strand that its machine bends among others."""
+"""Checks of the constraints on the planes of the slice, also of a strand bent by its machine."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from castfem.model.machine import thickness_of
 from castfem.model.mechanics import AXES, FREE, GeneralizedPlaneStrain, GivenDisplacement
 from castfem.model.section import Strip
 
-# Keys of a bent strand, and what in them is the same as to leave them out, which a file that
-# extends another one cannot do.
+# Keys of a strand bent by its machine, with the value that means the same as leaving the key out (a
+# file that extends another one cannot remove a key).
 _ITS_OWN = {"neutral_axis": FREE, "closing": "tangential", "force_contains_bending": False}
 _IMPOSED = ("a1", "a2", "across", "moment_x", "moment_y")
 
 
 def axis_position(given: Any, thickness: float) -> float | None:
-    """Return where an imposed neutral axis lies, m from the middle inwards; None if it is free."""
+    """Return the position of a neutral axis, m from the middle inwards; None if it is free."""
     if given is None or given == FREE:
         return None
     return AXES[given] * thickness if isinstance(given, str) else float(given)
 
 
 def places_of(given: Any) -> tuple[Any, ...]:
-    """Return the place of a neutral axis as a case has it, or both of a table."""
+    """Return the positions of the neutral axis in a case: one, or both of a table."""
     return tuple(given.values()) if isinstance(given, Mapping) else (given,)
 
 
 @check()
 def _strained(case: Case, _: object) -> Faults:
     if case.mould is not None and case.mechanics is None:
-        yield "mould", "needs the table [mechanics]: it is the strained slice that touches it"
+        yield "mould", "needs the table [mechanics]: contact needs the deformed slice"
 
 
 @check("mechanics.held.*")
@@ -45,7 +45,7 @@ def _held(case: Case, held: GivenDisplacement) -> Faults:
 
 @check("mechanics.planes")
 def _exists(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
-    """Yield generalized strains, and moments, that the section does not have."""
+    """Report generalized strains and moments that the section does not have."""
     if planes.across is not None and not isinstance(case.section, Strip):
         yield "across", "is for a strip; other sections widen by their displacements"
     for strain, moment, mirror, enough in (
@@ -68,7 +68,7 @@ def _thinned(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
 
 @check("mechanics.planes")
 def _not_bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
-    """Yield keys of a strand that its machine bends, of another one."""
+    """Report keys that need a machine that bends the strand where there is none."""
     if isinstance(case.section, Strip) or case.bends:
         return
     if case.machine is not None and case.machine.pairs() is None:
@@ -82,7 +82,7 @@ def _not_bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
 
 @check("mechanics.planes")
 def _bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
-    """Yield what does not go with a machine that bends the strand."""
+    """Report keys that contradict a machine that bends the strand."""
     if isinstance(case.section, Strip) or not case.bends:
         return
     if "a2" in case.section.barred():
@@ -100,7 +100,7 @@ def _bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
 
 
 def _axis(planes: GeneralizedPlaneStrain, thickness: float) -> Faults:
-    """Yield a neutral axis that lies outside of the strand, or beside a force."""
+    """Report a neutral axis outside the strand, or combined with a prescribed force."""
     most = in_mm(0.5 * thickness)
     for place in places_of(planes.neutral_axis):
         axis = axis_position(place, thickness) or 0.0
@@ -114,7 +114,7 @@ def _axis(planes: GeneralizedPlaneStrain, thickness: float) -> Faults:
 
 
 def _work(planes: GeneralizedPlaneStrain) -> Faults:
-    """Yield work of bending that would be counted twice, or never was."""
+    """Report bending work that would be counted twice or not at all."""
     key = "force_contains_bending"
     over_position = isinstance(planes.force, Table) and planes.force.over == "position"
     if planes.closing == "axial":

@@ -1,4 +1,4 @@
-"""The values of a case against what they usually are and can be (`castfem.base.ranges`)."""
+"""Compares the values of a case with their usual and possible ranges (`castfem.base.ranges`)."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from castfem.model.mechanics import Way
 
 
 class Given(NamedTuple):
-    """A number of a case, or a table of them."""
+    """A number of a case, or a table of numbers."""
 
-    path: Path  #: where it stands
+    path: Path  #: its dotted key
     value: float | Table  #: in SI
     kind: Kind  #: its unit
-    bounds: Bounds  #: what it usually is, and can be
+    bounds: Bounds  #: its usual and possible range
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Its numbers, those of a table in order."""
+        """Its numbers; those of a table in order."""
         return self.value.values if isinstance(self.value, Table) else (self.value,)
 
     def place(self, row: int) -> str:
-        """Where one of them stands in a table, for a message."""
+        """Position of a row in its table, for a message."""
         if not isinstance(self.value, Table):
             return ""
         over = ARGUMENTS[self.value.over]
@@ -43,7 +43,7 @@ class Given(NamedTuple):
 
 
 def _beyond(case: TableModel, text_of: Callable[[Given, float], str]) -> Faults:
-    """Yield the numbers for which there is a text; of a table the first."""
+    """Report the numbers for which `text_of` gives a text; of a table only the first."""
     for given in numbers(case):
         for row, value in enumerate(given.values):
             if text := text_of(given, value):
@@ -53,19 +53,19 @@ def _beyond(case: TableModel, text_of: Callable[[Given, float], str]) -> Faults:
 
 @check()
 def impossible(case: TableModel, _: object) -> Faults:
-    """Yield the values that cannot be, of a faulty case those that are sound in form."""
+    """Report impossible values; of a faulty case only those that could be read."""
     yield from _beyond(case, lambda given, value: given.bounds.impossible(value, given.kind))
 
 
 @caution()
 def unusual(case: TableModel, _: object) -> Faults:
-    """Yield the values that were probably not meant."""
+    """Report unusual values, which are probably mistakes."""
     yield from _beyond(case, _unusual)
 
 
 @caution()
 def _far(case: TableModel, _: object) -> Faults:
-    """Yield tables over position that have rows where no strand is, as of metres for mm."""
+    """Report tables over position with rows beyond the strand, such as metres written for mm."""
     reach = ranges.RANGES["casting.length"]
     for given in numbers(case):
         table = given.value
@@ -82,14 +82,14 @@ def _unusual(given: Given, value: float) -> str:
         return f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
     absolute = given.kind.unit == "K" and not given.kind.difference
     if text and absolute and 0.0 < value < 200.0 and value.is_integer():
-        # So cold in whole kelvins was mostly meant in degC.
+        # A whole number of kelvins this low was probably meant in degC.
         text = f"({value:g} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
         text += f'"{value:g} degC"?'
     return text
 
 
 def numbers(table: TableModel, path: Path = (), key: str = "") -> Iterator[Given]:
-    """Yield every number of a case that has bounds, `table` being that at `path`."""
+    """Yield every number of a case that has a range; `table` is at `path`."""
     for name in type(table).model_fields:
         yield from _below(table, getattr(table, name), (*path, name), key)
     if path == ("machine",):
@@ -97,7 +97,7 @@ def numbers(table: TableModel, path: Path = (), key: str = "") -> Iterator[Given
 
 
 def _below(table: TableModel, value: Any, path: Path, key: str) -> Iterator[Given]:
-    """Yield those of a value of a table, the table's own key being `key`."""
+    """Yield the numbers below a value of a table, whose own key is `key`."""
     name = str(path[-1])
     own = f"{key}.{name}" if key else name
     if isinstance(value, TableModel):
@@ -143,12 +143,12 @@ def _kinds(annotations: typing.Iterable[Any]) -> Iterator[Kind]:
 
 
 class Steps(NamedTuple):
-    """What steps of one kind cost."""
+    """Cost of steps of one kind."""
 
-    what: str  #: what they are
-    most: int  #: how many are run; of the cheapest, that is hours
-    much: int  #: how many are worth a warning before they are run: about an hour
-    each: float  #: what one takes on an ordinary mesh, s of work, for a first estimate
+    what: str  #: name of the steps
+    most: int  #: largest number that is run; the cheapest of them take hours
+    much: int  #: number above which a warning is given: about an hour
+    each: float  #: work of one step on an ordinary mesh, s, for a first estimate
 
 
 _THERMAL = Steps("thermal steps", 1_000_000, 100_000, 0.01)
@@ -158,19 +158,19 @@ _STATES = Steps("states of the fields", 50_000, 5_000, 0.01)
 
 
 class Demand(NamedTuple):
-    """Steps of one kind that a case asks for."""
+    """The steps of one kind that a case needs."""
 
-    key: str  #: of their length
-    length: float  #: of one, s
+    key: str  #: key of the step length
+    length: float  #: length of one step, s
     steps: Steps  #: their kind
-    share: float = 1.0  #: of the followed length, that they are taken on
+    share: float = 1.0  #: share of the followed length on which these steps are taken
 
     def number(self, case: Case) -> float:
-        """Return how many the run takes."""
+        """Return the number of steps of the run."""
         return self.share * case.casting.duration / self.length
 
     def fault(self, count: float, rest: str) -> tuple[str, str]:
-        """Return what is said of them: how many there are, and the rest."""
+        """Return the key and message: the number of steps, followed by `rest`."""
         return (
             self.key,
             f"({format(self.length, 's', 's')}) makes {grouped(count)} {self.steps.what}{rest}",
@@ -179,9 +179,9 @@ class Demand(NamedTuple):
 
 @check()
 def too_many(case: Case, _: object) -> Faults:
-    """Yield the steps that would be too many to come to an end.
+    """Report more steps than a run could ever finish.
 
-    Of a strand that is slower or longer than any it yields that, once.
+    If the strand itself is implausibly slow or long, only that is reported, once.
     """
     demands = [(demand, demand.number(case)) for demand in _demands(case)]
     demands = [(demand, count) for demand, count in demands if count > demand.steps.most]
@@ -201,7 +201,7 @@ def too_many(case: Case, _: object) -> Faults:
 
 @caution()
 def many(case: Case, _: object) -> Faults:
-    """Yield the steps of a sound case that will take long, with a first estimate of how long."""
+    """Report the steps of a sound case that take long, with a first estimate of the time."""
     for demand in _demands(case):
         if (count := demand.number(case)) > demand.steps.much:
             yield demand.fault(count, f"; {_takes(count, demand.steps)}")
@@ -209,7 +209,7 @@ def many(case: Case, _: object) -> Faults:
 
 @caution()
 def _long_tables(case: Case, _: object) -> Faults:
-    """Yield tables over time or position of so many rows that their steps take long."""
+    """Report tables over time or position with so many rows that their steps take long."""
     what, steps = ("steps", _THERMAL)
     if case.mechanics is not None:
         what, steps = (_WINDOWS.what, _WINDOWS)
@@ -224,9 +224,9 @@ def _long_tables(case: Case, _: object) -> Faults:
 
 
 def _rows_of_the_run(case: Case, table: Table) -> int:
-    """How many rows of a table over time or position lie within the run.
+    """Number of rows of a table over time or position that lie within the run.
 
-    Time is that since the meniscus, or by the clock of the caster: those of the one that has more.
+    Time counts from the meniscus or by the clock of the caster, whichever includes more rows.
     """
 
     def within(start: float, end: float) -> int:
@@ -239,7 +239,7 @@ def _rows_of_the_run(case: Case, table: Table) -> int:
 
 
 def _demands(case: Case) -> Iterator[Demand]:
-    """Yield each length of a step that is given and sound."""
+    """Yield each step length that is given and valid."""
     if math.isinf(case.casting.duration):
         return
     time, coupling, output = case.thermal.time, case.coupling, case.output
@@ -264,12 +264,12 @@ def _demands(case: Case) -> Iterator[Demand]:
 
 
 def _takes(count: float, steps: Steps) -> str:
-    """Return how long so many steps take, as a first estimate."""
+    """Return how long this number of steps takes, as a first estimate."""
     return f"at some {1e3 * steps.each:.0f} ms each that takes {_duration(count * steps.each)}"
 
 
 def _duration(seconds: float) -> str:
-    """Return a duration as a reader says it."""
+    """Return a duration as text."""
     for unit, size in (("days", 86400.0), ("hours", 3600.0)):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.2g} {unit}"

@@ -1,4 +1,4 @@
-"""From the tables of a case to the machine that its slice passes."""
+"""Builds the machine that the slice passes from the tables of a case."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def build_machine(case: Case) -> Machine:
 
 
 def capacities(rolls: Rolls) -> Array:
-    """Capacity of each pair (n,), N: 0 of one that cannot draw, inf of a drive without one."""
+    """Return the capacity of each pair (n,), N: 0 without a drive, inf for an unlimited drive."""
     return np.array(
         [
             0.0
@@ -45,7 +45,7 @@ def capacities(rolls: Rolls) -> Array:
 
 
 def coupled_pairs(table: Extraction, rolls: Rolls) -> Pairs:
-    """The pairs that hold the strand, as a coupled resistance needs them."""
+    """The pairs of rolls in the form that a coupled resistance needs."""
     from castfem.physics.machine.extraction.effort import Pairs
     from castfem.physics.machine.extraction.resistance import friction
 
@@ -61,12 +61,12 @@ def coupled_pairs(table: Extraction, rolls: Rolls) -> Pairs:
 
 
 def known_resistance(table: Extraction, machine: MachineTable) -> KnownResistance | None:
-    """Resistance of a maker's curve, shared by the drives; None where it comes with the run.
+    """Resistance from a maker's curve, shared by the drives; None if the run computes it.
 
-    The curve is that of a machine in order: each defect says what becomes of it.
+    The curve is that of a machine without defects; each defect changes it in its own way.
 
     Raises:
-        StrandStopsError: The drives are weaker than the rolls.
+        StrandStopsError: The drives cannot overcome the resistance of the rolls.
     """
     from castfem.physics.machine.extraction.effort import KnownResistance
     from castfem.physics.machine.extraction.resistance import friction, steps_of

@@ -1,4 +1,4 @@
-"""From the table [mould] to the wall it describes, and what keeps it from fitting the section."""
+"""Builds the wall that [mould] describes, and checks that it fits the section."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from castfem.physics import mould as wall
 from castfem.physics.mould.taper import TaperProfile
 
 SIZES = ("width", "height", "diameter", "corner_radius")
-"""Keys of [mould] that are sizes of its cavity."""
+"""Keys of [mould] that are sizes of the cavity."""
 
 
 def build_mould(table: Mould, section: Section) -> wall.Mould:
     """Return the wall that [mould] describes.
 
-    Where a size is left out, the cavity in working condition has that of the strand at the
-    meniscus: the liquid fills it.
+    A size that is left out is that of the strand at the meniscus, at working temperature: the
+    liquid fills the cavity.
 
     Raises:
-        ValueError: The section has no mould, or the taper does not fit it; told by what is wrong.
+        ValueError: The section has no mould, or the taper does not fit it; the text says why.
     """
     expansion = _expansion(table)
     hot = 1.0 if expansion is None else expansion.factor(0.0)
@@ -52,7 +52,7 @@ def _expansion(table: Mould) -> wall.Expansion | None:
 
 
 def _cavity(table: Mould, section: Section, hot: float) -> wall.Cavity:
-    """Return the cavity with the sizes at the meniscus; `hot` over cold lengths there."""
+    """Return the cavity with its sizes at the meniscus; `hot` is hot over cold lengths."""
 
     def size(name: str) -> float:
         given = getattr(table, name, None)
@@ -62,7 +62,7 @@ def _cavity(table: Mould, section: Section, hot: float) -> wall.Cavity:
 
 
 def _tapers(table: Mould) -> wall.Tapers:
-    """Return the profiles; a face without taper of its own has that of all faces, or none."""
+    """Return the taper profiles; a face without its own taper has that of all faces, if any."""
     profiles = {}
     for name, given in table.taper.parts.items():
         try:
@@ -90,13 +90,13 @@ def _goes_with(case: Case, table: Mould) -> Faults:
 
 
 def nominal_mould(table: Mould, section: Section) -> wall.Mould:
-    """Return the mould of sizes and taper as they are written, neither hot nor displaced."""
+    """Return the mould with sizes and taper as written: neither hot nor displaced."""
     return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table))
 
 
 @check("mould")
 def _sizes(case: Case, table: Mould) -> Faults:
-    """Yield the sizes a section of this shape does not have, and those too small for the strand."""
+    """Report sizes that a section of this shape does not have, or smaller than the strand."""
     section, hot = case.section, hot_lengths(table)
     known = section.mould_sizes
     for name in () if isinstance(section, Strip) else SIZES:
@@ -118,18 +118,18 @@ def _sizes(case: Case, table: Mould) -> Faults:
         if short:
             limit = "that" if allowed == own else in_mm(allowed)
             fix = f"allowed: {bound} {limit}, or leave it out"
-            yield name, f"({in_mm(size)}) does not let the strand in, which has {in_mm(own)}; {fix}"
+            yield name, f"({in_mm(size)}) does not fit the strand, which has {in_mm(own)}; {fix}"
 
 
 def _widest_corner(table: Mould, section: Section, hot: float) -> float:
-    """Return the largest corner radius of a cavity that lets the strand in, m.
+    """Return the largest corner radius of the cavity that still admits the strand, m.
 
-    A rectangle with round corners is one of straight corners, inner, and all that is within the
-    radius of it.  The strand's is inside the mould's where no direction has it reach farther.
+    A rectangle with round corners is the set of points within the radius of an inner rectangle with
+    sharp corners. The strand lies inside the mould if it reaches farther in no direction.
     """
     sizes = [(getattr(section, name), getattr(table, name)) for name in ("width", "height")]
-    # Half of what the cavity has beyond the strand, and by how much its radius may be larger: the
-    # centres of the corners lie (grown - a, grown - b) apart, and that far the strand's reaches.
+    # Half of the clearance, and the allowed increase of the radius: the centres of the corners lie
+    # (grown - a, grown - b) apart, and the strand's corner reaches that far.
     radius = getattr(section, "corner_radius", 0.0)
     a, b = (0.0 if size is None else max(0.5 * (hot * size - own), 0.0) for own, size in sizes)
     grown = a + b + math.sqrt(2.0 * a * b)
@@ -137,17 +137,17 @@ def _widest_corner(table: Mould, section: Section, hot: float) -> float:
 
 
 def hot_lengths(table: Mould) -> float | None:
-    """Return hot over cold lengths at the meniscus, None where that cannot be told."""
+    """Return the ratio of hot to cold lengths at the meniscus, None if it cannot be computed."""
     try:
         expansion = _expansion(table)
-    except ValueError:  # another check yields it
+    except ValueError:  # reported by another check
         return None
     return 1.0 if expansion is None else expansion.factor(0.0)
 
 
 @check("mould")
 def _fits(case: Case, table: Mould) -> Faults:
-    """Yield why the mould cannot be built, unless another check says so."""
+    """Report why the mould cannot be built, unless another check reports it."""
     section, key = case.section, "wall_temperature"
     others = (*_goes_with(case, table), *_sizes(case, table), *table.friction.problems())
     if others or isinstance(section, Strip):
@@ -168,7 +168,7 @@ def _fits(case: Case, table: Mould) -> Faults:
 
 @caution("mould")
 def wider(case: Case, mould: Mould) -> Faults:
-    """Yield a cavity that is wider than the strand at the meniscus, where liquid fills it."""
+    """Report a cavity wider than the strand at the meniscus, where liquid fills it."""
     hot = hot_lengths(mould) or 0.0
     for name in ("width", "height", "diameter"):
         size, own = getattr(mould, name), getattr(case.section, name, None)
@@ -180,24 +180,24 @@ def wider(case: Case, mould: Mould) -> Faults:
 
 @caution("mesh")
 def _corner(case: Case, mesh: Mesh) -> Faults:
-    """Yield that the cells at a round corner are too long for what happens there."""
+    """Report cells that are too long to resolve a round corner."""
     radius = getattr(case.section, "corner_radius", 0.0)
     key = "surface_size" if mesh.corner_size is None else "corner_size"
     size, most = getattr(mesh, key), radius / 6.0
     if case.mould is not None and radius > 0.0 and size > most * (1.0 + ROUNDING):
-        fix = f"gap and shell may be off by a tenth; {_mm(most)} or less resolve it"
+        fix = f"gap and shell may be wrong by a tenth; {_mm(most)} or less resolve it"
         yield key, f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: {fix}"
 
 
 @caution("mould")
 def _taper(case: Case, mould: Mould) -> Faults:
-    """Yield the tapers that close or open the mould by much more than a strand shrinks."""
+    """Report tapers that close or open the mould by much more than a strand shrinks."""
     for name, given in mould.taper.parts.items():
         half, part = _half(case.section, name), "" if name == "face" else f"{name}: "
         if given.closing is not None:
             yield from (("taper", part + t) for t in _rows(given.closing, half, mould.length))
         closed = _closure(given.profile(mould.length), half, mould.length)
-        if abs(closed) <= 0.07:  # more than cases made to be extreme have (10 %/m over 0.6 m)
+        if abs(closed) <= 0.07:  # more than deliberately extreme cases have (10 %/m over 0.6 m)
             continue
         how, near = "closes" if closed > 0.0 else "opens", ""
         if len(given.segments) == 1:
@@ -209,26 +209,28 @@ def _taper(case: Case, mould: Mould) -> Faults:
 
 
 def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
-    """Yield why rows of a wall are no movement, or not from the meniscus of this mould."""
+    """Report rows that are no wall displacement, or do not begin at the meniscus of this mould."""
     first, last, there = closing.arguments[0], closing.arguments[-1], closing(0.0)
-    if abs(there) > 0.5 * half:  # no wall has moved as far at the meniscus
-        what = "how far each face has moved in since the meniscus: half of what the size has lost"
-        yield f"{_mm(there)} at the meniscus look like a size of the cavity; the table has {what}"
+    if abs(there) > 0.5 * half:  # no wall has moved this far at the meniscus
+        what = (
+            "the inward displacement of each face since the meniscus: half of the decrease in size"
+        )
+        yield f"{_mm(there)} at the meniscus look like a size of the cavity; the table gives {what}"
     elif first > ROUNDING * length and there != 0.0:
         fix = "give the row of the meniscus, where the wall has not moved"
         yield f"the table begins {_mm(first)} below the meniscus with {_mm(there)}, {fix}"
     below = f"below the meniscus, the mould ends {_mm(length)} below it"
     asked = "are the positions from the meniscus, not from the top of the mould?"
-    ends = 0.02  # of the mould's length, that a table may end above or below it
-    steep = 0.2 * half  # 1/m: a wall that moves faster has a step there
+    ends = 0.02  # tolerance on where a table ends, relative to the length of the mould
+    steep = 0.2 * half  # 1/m: a steeper wall has a step there
     if last > (1.0 + ends) * length:
-        yield f"the table goes on to {_mm(last)} {below}; {asked}"
+        yield f"the table continues to {_mm(last)} {below}; {asked}"
     elif last < (1.0 - ends) * length and 0.0 < abs(_slope(closing)) < steep:
         yield f"the table ends {_mm(last)} {below}; the wall is straight from there on: {asked}"
 
 
 def _slope(closing: Table) -> float:
-    """Return how much the wall moves per length between the last two rows."""
+    """Return the displacement of the wall per length between the last two rows."""
     if len(closing.values) == 1:
         return 0.0
     (*_, above, last), (*_, before, end) = closing.values, closing.arguments
@@ -240,14 +242,14 @@ def _mm(value: float) -> str:
 
 
 def _closure(profile: TaperProfile, start: float, length: float) -> float:
-    """Return the largest closing (w_in - w_out) / w_out at any position, negative: opening."""
+    """Return the largest closing (w_in - w_out) / w_out at any position; negative if it opens."""
     positions = [z for z in profile.knots() if z < length] + [length]
     closed = [start / profile.half(z, start) - 1.0 for z in positions]
     return max(closed, key=abs)
 
 
 def _half(section: Section, face: str) -> float:
-    """Return half the dimension that a face's taper governs; the smaller one if it is both, m."""
+    """Return half the dimension that a face's taper governs, m; of two the smaller one."""
     width, height = section.outline()
     assert width is not None and height is not None, "the case has been checked"
     return 0.5 * {"narrow_face": width, "wide_face": height}.get(face, min(width, height))

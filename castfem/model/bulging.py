@@ -29,35 +29,36 @@ class Bulging(TableModel):
 
     model: Model = "creep"
     """creep: a travelling strip that creeps by the law of the case; elastic: a strip clamped at the
-    rolls; thesis: a plate of one cosine (308); none: no rolls bear it"""
+    rolls; thesis: a plate with a cosine deflection (308); none: the wide faces are not supported"""
     solid_fraction: SolidFraction = 1.0
-    """solid fraction at the inside of the shell that bulges"""
+    """solid fraction that bounds the bulging shell on its inside"""
     largest: LargestBulge | None = Field(None, examples=["0.5 mm"])
-    """of the thesis' plate: largest bulge over position, which it is amplified to (VI.2.2.3)"""
+    """for the plate of the thesis: largest bulge over position, to which its deflection is scaled
+    (VI.2.2.3)"""
 
     axial_strain: bool = False
-    """whether the axial strain of the strip is added to that of the slice, in the shell between the
-    edges of the wide faces"""
+    """add the axial strain of the strip to that of the slice, in the shell between the edges of the
+    wide faces"""
 
     shear: bool | None = Field(None, examples=[True])
-    """whether the strip yields to shear, elastically, by the moduli of its own section (not the
-    thesis' plate); by default it does not"""
+    """include the elastic shear deformation of the strip, with the moduli of its own section (not
+    for the plate of the thesis); by default it is left out"""
 
     pull: bool | None = Field(None, examples=[False])
-    """whether rolls hold a face to their line that lies farther within it than the bulge, as long
-    as the core is liquid; by default they do, but not below a [mould], whose corners shrink off the
-    line"""
+    """rolls pull a face back to their line where it lies farther inside than the bulge, as long as
+    the core is liquid; by default they do, except below a [mould], whose corners shrink away from
+    the line"""
 
     @property
     def bears(self) -> bool:
-        """Whether rolls bear the wide faces."""
+        """Whether rolls support the wide faces."""
         return self.model != "none"
 
 
 @check("mechanics.bulging")
 def _no_effect(case: Case, table: Bulging) -> Faults:
     if table.model == "none":
-        # A case that was written out and is read again has every default in it.
+        # A case that was written out and is read again contains every default.
         for name, field in Bulging.model_fields.items():
             if name != "model" and getattr(table, name) != field.default:
                 yield name, 'has no effect with model = "none"; leave one of the two out'

@@ -1,4 +1,4 @@
-"""The case: everything a run needs to know, validated and in SI."""
+"""The case: all input of a run, validated and in SI."""
 
 from __future__ import annotations
 
@@ -53,20 +53,21 @@ _NOT_PHYSICS: Any = {
     "mechanics": {"solver"},
 }
 
-_MOULD = "mould"  # in the name of a zone
+_MOULD = "mould"  # part of the name of a zone
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A cooling zone as far as the strand is followed."""
+    """A cooling zone within the followed length."""
 
     name: str  #: name of the zone
     start: float  #: where it begins, from the meniscus, m
     end: float  #: where it ends, m; not beyond the followed length
-    #: pairs of the boundary groups (or beginnings of their names) and the law on them
+    #: the heat laws, each with its boundary groups (or beginnings of their names)
     laws: tuple[tuple[tuple[str, ...], HeatLaw], ...]
-    whole: bool  #: whether that end is its own
-    roll_to_roll: bool = False  #: whether it is that of [secondary], whose laws are not listed here
+    whole: bool  #: whether the zone ends here, not only the followed length
+    #: whether it is the zone of [secondary], whose laws are not listed here
+    roll_to_roll: bool = False
 
 
 class Case(TableModel):
@@ -81,33 +82,32 @@ class Case(TableModel):
     cooling: tuple[Zone, ...] = Field(min_length=1)
     thermal: Thermal = Field(default_factory=lambda: Thermal.model_validate({}))
     mechanics: Mechanics | None = None
-    """the mechanical problem; left out: temperatures alone"""
+    """the mechanical problem; left out: temperature only"""
     mould: Mould | None = None
     """the rigid mould; left out: an idealised one, without contact forces"""
     machine: Machine | None = None
-    """the rolls below the mould; left out: a strand that goes straight down"""
+    """the rolls below the mould; left out: a straight vertical strand"""
     water: Water | None = None
-    """spray water of the whole strand, of which zones and circuits take shares; left out: each
-    tells its own"""
+    """spray water of the whole strand, of which zones and circuits take shares; left out: each zone
+    gives its own"""
     secondary: Secondary | None = None
     """cooling from roll to roll below [[cooling]]; left out: none"""
     coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
     quality: Quality | None = None
-    """by what the strand is judged; left out: no crack index is computed"""
+    """criteria for the quality of the strand; left out: no crack index is computed"""
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
     verification: Verification | None = None
-    """the closed form it is held against; left out: none"""
+    """the closed form that the run is compared with; left out: none"""
     optimise: Optimise | None = None
-    """what castfem optimise looks for; left out: nothing. A run of the case does not look at it"""
+    """problem that castfem optimise solves; left out: none. Other commands ignore it"""
     caster: Caster | None = None
-    """many slices of one strand, which castfem caster computes; left out: none. A run of the case
-    does not look at it"""
+    """the slices that castfem caster computes; left out: none. Other commands ignore it"""
     reference: tuple[Reference, ...] = ()
 
     @model_validator(mode="wrap")
     @classmethod
     def _with_interval(cls, data: Any, handler: ModelWrapValidatorHandler[Case]) -> Case:
-        """Put in how often the fields are written, so that the case of a run names it."""
+        """Set the output interval of the fields, so that the case of a run states it."""
         case = handler(data)
         try:
             if case.output.every is not None:
@@ -137,8 +137,9 @@ class Case(TableModel):
     def mould_exit(self) -> float | None:
         """Return where the mould ends, from the meniscus, m; None if the case has none.
 
-        That is mould.length. Without [mould] it is the end of the zones, from the meniscus on, that
-        are called a mould or, if the first is not, that cool by contact with a wall.
+        That is mould.length. Without [mould] it is the end of the consecutive zones from the
+        meniscus on whose names contain "mould" or, if the first one's does not, that cool by
+        contact with a wall.
         """
         if self.mould is not None:
             return self.mould.length
@@ -146,7 +147,7 @@ class Case(TableModel):
         return zones[-1].to if zones else None
 
     def mould_zones(self) -> tuple[Zone, ...]:
-        """Return the zones, from the meniscus on, that are called a mould, or are one (see above).
+        """Return the zones of the mould, from the meniscus on (see `mould_exit`).
 
         A [mould] that ends within a zone does not cut it.
         """
@@ -156,7 +157,7 @@ class Case(TableModel):
         return self.cooling[: next((i for i, p in enumerate(of_mould) if not p), len(of_mould))]
 
     def mechanics_end(self) -> float | None:
-        """Return where the mechanics end and the run goes on, m; None where it does not."""
+        """Return where the mechanics end while the run continues, m; None if they do not."""
         until = None if self.mechanics is None else self.mechanics.until
         place = self.mould_exit() if until == MOULD_EXIT else until
         if not isinstance(place, float) or place >= self.casting.length * (1.0 - ROUNDING):
@@ -165,23 +166,23 @@ class Case(TableModel):
 
     @property
     def bends(self) -> bool:
-        """Whether the rolls of its machine bend the strand; false as well where none are sound."""
+        """Whether the rolls of the machine bend the strand; False if no rolls could be read."""
         rolls = None if self.machine is None else self.machine.pairs()
         return rolls is not None and any(math.isfinite(pair.radius) for pair in rolls.pairs)
 
     @property
     def output_every(self) -> float:
-        """Time between two states of the fields, s."""
+        """Time between two outputs of the fields, s."""
         assert self.output.every is not None, "the case has been checked"
         return self.output.every
 
     @property
     def output_clock(self) -> float:
-        """When the slice leaves the meniscus, on the clock by which states are written, s."""
+        """When the slice leaves the meniscus, by the clock of the output times, s."""
         return self.casting.clock if self.output.by_clock else 0.0
 
     def tables_by_clock(self) -> list[TableOfValues]:
-        """Return the tables over time that go by the clock of `casting.start.time`."""
+        """Return the tables over time that use the clock of `casting.start.time`."""
         laws = [law for zone in self.cooling for law in zone.surface]
         watered = [self.water, *(() if self.secondary is None else self.secondary.circuit), *laws]
         given: list[object] = [self.casting.speed, self.casting.superheat]
@@ -191,16 +192,16 @@ class Case(TableModel):
         return [table for table in tables if table.over == "time"]
 
     def output_times(self) -> list[float]:
-        """Return when states of the fields are written short of the end, since the meniscus, s."""
+        """Return the times since the meniscus at which fields are written, without the end, s."""
         every, clock = self.output_every, self.output_clock
         first, last = math.floor(clock / every), int((clock + self.casting.duration) / every)
         times = [i * every - clock for i in range(first + 1, last + 1)]
-        # Slices that start at different times by a clock have the same digits at the same age.
+        # Slices that start at different clock times get the same digits at the same age.
         return [round(time, 9) for time in times] if self.output.by_clock else times
 
     @property
     def output_fields(self) -> tuple[FieldName, ...]:
-        """The fields to write: those asked for, or what the simulation has."""
+        """The fields to write: those requested, or all that the simulation has."""
         if self.output.fields is not None:
             return self.output.fields
         usual: tuple[FieldName, ...] = (
@@ -213,12 +214,12 @@ class Case(TableModel):
         return found + (CONTACT_FIELDS if self.mould is not None else ())
 
     def expected(self) -> tuple[Reference, ...]:
-        """Return the reference numbers that hold where the run ends."""
+        """Return the reference numbers that hold at the end of the run."""
         end = self.casting.length
         return tuple(r for r in self.reference if r.at is None or math.isclose(r.at, end))
 
     def mould_knots(self) -> tuple[float, ...]:
-        """Return where the mould begins, changes the slope of its walls and ends, m; () without."""
+        """Return start and end of the mould, and where its walls change slope, m; or ()."""
         table = self.mould
         if table is None:
             return ()
@@ -230,7 +231,7 @@ class Case(TableModel):
         return tuple(sorted(knots))
 
     def mesh_parameters(self) -> dict[str, Any]:
-        """Return the keys of [section] and [mesh] that are given, in SI: the mesh's parameters."""
+        """Return the given keys of [section] and [mesh] in SI: the parameters of the mesh."""
         section = self.section.model_dump(exclude_none=True)
         bulge = getattr(self.section, "bulge", None)
         if isinstance(bulge, TableOfValues):
@@ -267,7 +268,7 @@ class Case(TableModel):
         return tomli_w.dumps(self.document())
 
     def _repr_html_(self) -> str:
-        """The case as a notebook shows it: its file, with the defaults, in the units chosen."""
+        """The case file with its defaults, in the chosen units, for a notebook."""
         from html import escape
 
         import tomli_w
@@ -280,10 +281,11 @@ class Case(TableModel):
         return f"<b>{escape(self.title)}</b><pre>{escape(text)}</pre>"
 
     def physics(self) -> dict[str, Any]:
-        """Return all that the computed fields depend on, as tables.
+        """Return everything that the computed fields depend on, as tables.
 
-        It leaves out the title, the output settings, the reference numbers and the followed
-        length (a run may be resumed further down the strand); property files count by content.
+        Not included are the title, the output settings, the reference numbers and the followed
+        length (a run may be resumed further down the strand); property files are included by
+        content.
         """
         physics = self.model_dump(mode="json", exclude_none=True, exclude=_NOT_PHYSICS)
         if self.mechanics is None:
@@ -304,7 +306,7 @@ class Case(TableModel):
     def physics_record(self) -> dict[str, str]:
         """Return `physics` as JSON ("case") and its hash ("physics"), as a checkpoint keeps them.
 
-        This writes out the whole case, which takes long if it has large tables: a run asks once.
+        Writing out the whole case takes long with large tables, so a run does this once.
         """
         tables = self.physics()
         return {"physics": _hash(tables), "case": json.dumps(tables)}
@@ -313,9 +315,9 @@ class Case(TableModel):
         """Return a changed case: `case.with_({"casting.speed": "3 m/min"})`.
 
         Args:
-            changes: Dotted key and new value, as it would be written in a case file. A zone or
-                another entry of an array is named by its index or its name. A bare name will do
-                for a key that only one table of the case has: speed for casting.speed.
+            changes: Dotted key and new value, written as in a case file. A zone or another array
+                entry is addressed by its index or name. A bare name will do for a key that only one
+                table of the case has: speed for casting.speed.
             dotted: The same for bare names and keys of the top level:
                 `case.with_(speed="3 m/min", title="slower")`.
 

@@ -1,8 +1,8 @@
-"""The table [caster]: many slices of one strand, each with the speed, superheat and water it met.
+"""The table [caster]: many slices of one strand, each with its own speed, superheat and water.
 
-What the plant did stands in a table over the clock: a column for each thing that changes. A slice
-is the case with these columns in the place of its own keys, and with its own start by that clock
-(`casting.start.time`), so that it can be run by itself as well.
+The plant record is a table over the clock with a column for each quantity that changes. A slice is
+the case with these columns in place of its own keys, and with its own start time on that clock
+(`casting.start.time`), so that it can also be run by itself.
 """
 
 from __future__ import annotations
@@ -46,42 +46,42 @@ _COLUMNS = Columns(
     optional=("superheat", "mould_heat"), words=(EVENT,), others=_FLOW,
 )  # fmt: skip
 DIGITS = 6
-"""Of a start in seconds: what is written of it is what is computed."""
+"""Significant digits of a start time in seconds: the written number is the one computed with."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """What the plant did."""
+    """The plant record."""
 
     times: tuple[float, ...]  #: by the clock, s, increasing
-    values: Mapping[str, tuple[float, ...]]  #: of each column but the events, in SI
-    events: tuple[str, ...]  #: a word on each row; "" for none
+    values: Mapping[str, tuple[float, ...]]  #: by column, without the events, in SI
+    events: tuple[str, ...]  #: the event of each row; "" for none
 
     def table(self, name: str) -> Table:
-        """A column over the clock, without rows in the midst of a time in which it is constant.
+        """Return a column over the clock, without rows inside an interval in which it is constant.
 
-        A step of each slice ends at each row.  A column that never changes is left with one.
+        Each row ends a time step of each slice. A constant column keeps one row.
         """
         values = self.values[name]
-        around = (values[0], *values, values[-1])  # before the first row it is as there
+        around = (values[0], *values, values[-1])  # before the first row its values hold
         kept = [i for i in range(len(values)) if len({*around[i : i + 3]}) > 1] or [0]
         return Table("time", tuple(self.times[i] for i in kept), tuple(values[i] for i in kept))
 
     def told(self, name: str) -> Any:
-        """A column as the key of a case has it: one value, if it never changes."""
+        """Return a column as a key of the case takes it: one value if it never changes."""
         table = self.table(name)
         one = len(table.values) == 1
         return _KINDS.get(name, _FLOW).write(table.values[0]) if one else table
 
     @property
     def water(self) -> list[str]:
-        """Names of circuits and zones whose flow it has."""
+        """Names of the circuits and zones whose flow it contains."""
         return [name for name in self.values if name not in _KINDS]
 
 
 @dataclass(frozen=True, slots=True)
 class PlantTable(Notation):
-    """Annotation of a field that takes what a plant did: a CSV file, or its columns."""
+    """Annotation of a field that takes a plant record: a CSV file, or its columns."""
 
     takes: str = 'CSV file: `{ file = "plant.csv" }`, or its columns'
 
@@ -114,11 +114,13 @@ class PlantTable(Notation):
 
 
 def _plant(columns: Mapping[str, Sequence[Any]], places: Sequence[str]) -> Plant:
-    """Return the history in some columns; `places` says where each row stands."""
+    """Return the history in some columns; `places` names each row for messages."""
     times = columns["time"]
     for (before, after), place in zip(itertools.pairwise(times), places[1:], strict=True):
         if not after > before:
-            raise ValueError(f"{place}: time ({after:g} s) does not exceed the row before")
+            raise ValueError(
+                f"{place}: time ({after:g} s) does not exceed that of the previous row"
+            )
     if len(times) < 2:
         raise ValueError(f"has one row, two are needed: {_COLUMNS.header}")
     values = {n: tuple(cells) for n, cells in columns.items() if n not in ("time", EVENT)}
@@ -132,40 +134,41 @@ class Caster(TableModel):
     """The whole caster over time: many slices of one strand, which `castfem caster` computes."""
 
     plant: Annotated[Any, PlantTable()]
-    """what the plant did, over the clock, linear between two rows: time, speed, superheat,
-    mould_heat (factor of the laws of the mould), the flow of circuits and sprayed zones under
-    their names, event"""
+    """plant record over the clock, linear between two rows: time, speed, superheat, mould_heat
+    (factor on the heat laws of the mould), the flow of circuits and sprayed zones under their
+    names, event"""
     cast_from: Clock | None = Field(None, examples=["0 s"])
     """when the cast begins with an empty machine, by the clock of plant: the head of the strand
-    leaves the meniscus then; left out: it has been cast before with the values of the first row"""
+    leaves the meniscus then; left out: casting has gone on before, with the values of the first row
+    """
     cast_until: Clock | None = Field(None, examples=["3000 s"])
-    """when the last steel is poured: the tail of the strand leaves the meniscus then, and is
-    withdrawn; left out: casting goes on"""
+    """when the last steel is poured, by the clock of plant: the tail of the strand leaves the
+    meniscus then and is withdrawn; left out: casting goes on"""
     start: Clock | None = Field(None, examples=["0 s"])
-    """when the caster is looked at first, by the clock of plant; left out: at its first row, or at
+    """first output of the whole strand, by the clock of plant; left out: its first row, or
     cast_from"""
     end: Clock | None = Field(None, examples=["3600 s"])
-    """when it is looked at last; left out: at the last row of plant"""
+    """last output of the whole strand; left out: the last row of plant"""
     spacing: Annotated[float | Way, WindowMark()] = Field(examples=["0.5 m"])
-    """from a slice to the next: a time, or a length of strand"""
+    """distance between two slices: a time, or a length of strand"""
     every: Time = Field(examples=["20 s"])
-    """time between two looks at the whole strand, at whole multiples by the clock; no step of a
-    slice is longer"""
+    """time between two outputs of the whole strand, at whole multiples on the clock; also the
+    longest time step of a slice"""
     longest_gap: Time | None = Field(None, examples=["10 min"])
-    """longest time between two rows of plant; a longer one is refused as a gap in the record; left
-    out: any"""
+    """longest time allowed between two rows of plant; a longer one is refused as a gap in the
+    record; left out: any"""
 
     moments: tuple[Clock, ...] = Field((), examples=[["0 s", "20 min"]])
     """when the whole strand, bent through its machine, is written for ParaView (strand.pvd) and
-    drawn: at the first instant from each on"""
+    drawn: at the first output time from each of these on"""
     cut: Length | None = Field(None, examples=["8 m"])
-    """length of the pieces that the strand is cut into, from what leaves the meniscus at the first
-    row of plant; with it answers name pieces"""
+    """length of the pieces into which the strand is cut, measured from the steel that leaves the
+    meniscus at the first row of plant; with it results name the pieces"""
     pyrometer: tuple[Pyrometer, ...] = ()
 
     @property
     def window(self) -> tuple[float, float]:
-        """When it is looked at first and last, s."""
+        """First and last output time, s."""
         times = self.plant.times
         start, end = self.start, self.end
         if start is None:
@@ -174,18 +177,18 @@ class Caster(TableModel):
 
     @property
     def instants(self) -> list[float]:
-        """When it is looked at, by the clock, s."""
+        """Output times by the clock, s."""
         (start, end), every = self.window, self.every
         first = math.ceil(start / every * (1.0 - ROUNDING))
         return [i * every for i in range(first, math.floor(end / every * (1.0 + ROUNDING)) + 1)]
 
 
 class Cast:
-    """What has been cast by the clock of the plant, before whose first row its values held.
+    """Length of strand cast over the clock of the plant; before the first row its values hold.
 
     Args:
-        plant: The history.
-        before: How long before the first row it shall be known, s.
+        plant: The plant record.
+        before: How long before the first row the length is needed, s.
     """
 
     def __init__(self, plant: Plant, before: float) -> None:
@@ -194,30 +197,30 @@ class Cast:
         self._travel = Changing([t - self._origin for t in speed.arguments], speed.values)
 
     def length(self, clock: float) -> float:
-        """What has been cast until then, m."""
+        """Length cast until a clock time, m."""
         return self._travel.position(clock - self._origin)
 
     def when(self, length: float) -> float:
-        """When so much (m) has been cast, s."""
+        """Clock time at which a length (m) has been cast, s."""
         return self._travel.time_at(length) + self._origin
 
 
 def cast_of(case: Case) -> Cast:
-    """Return what is cast, from before the oldest slice of the caster has left the meniscus."""
+    """Return the length cast, from before the oldest slice of the caster leaves the meniscus."""
     assert case.caster is not None
     plant = case.caster.plant
     if case.caster.cast_from is not None:
         return Cast(plant, 0.0)
     early = max(plant.times[0] - case.caster.window[0], 0.0)
-    # One slice more than is inside, which tells where the liquid ends above it.
+    # One slice beyond the end of the machine, so that the end of the liquid core is bracketed.
     return Cast(plant, 2.01 * case.casting.length / plant.values["speed"][0] + early + 1.0)
 
 
 def starts_of(case: Case) -> list[float]:
     """When each slice leaves the meniscus, by the clock, s: the oldest first.
 
-    That one is the head of the strand, or has just left the machine when it is looked at first; the
-    last one is the tail where casting ends.
+    The first one is the head of the strand, or has just left the machine at the first output; the
+    last one is the tail if casting ends.
     """
     caster = case.caster
     assert caster is not None
@@ -237,7 +240,7 @@ def starts_of(case: Case) -> list[float]:
     found = [cast.when(here + k * apart) if by_way else first + k * apart for k in numbers]
     if not by_way:
         found = [start for start in found if speed(start) > 0.0]
-    if began is not None:  # the strand may stand for a while before it is withdrawn
+    if began is not None:  # the strand may stand for a while before withdrawal
         found = [began, *(start for start in found if start > began)]
     if until == last and cast.length(until) > cast.length(found[-1]) * (1.0 + ROUNDING):
         found.append(until)
@@ -245,14 +248,14 @@ def starts_of(case: Case) -> list[float]:
 
 
 def ends_with_tail(case: Case) -> bool:
-    """Whether the last slice of a caster is the tail of the strand."""
+    """Whether the last slice is the tail of the strand."""
     assert case.caster is not None
     until = case.caster.cast_until
     return until is not None and until <= case.caster.instants[-1]
 
 
 def followed(case: Case) -> list[float]:
-    """How long each slice is followed, s: to the end of the machine or of the caster's time."""
+    """How long each slice is followed, s: to the end of the machine or of the computed time."""
     assert case.caster is not None
     cast, last, length = cast_of(case), case.caster.instants[-1], case.casting.length
     starts = starts_of(case)
@@ -261,7 +264,7 @@ def followed(case: Case) -> list[float]:
 
 
 def by_plant(case: Case) -> Case:
-    """Return the case with what the plant did in the place of its own keys (`slice_of`)."""
+    """Return the case with the plant record in place of its own keys (see `slice_of`)."""
     from castfem.model.load import changed
 
     caster = case.caster
@@ -279,14 +282,14 @@ def by_plant(case: Case) -> Case:
 
 
 def slice_of(case: Case, start: float) -> Case:
-    """Return the case of one slice, from that of all (`by_plant`) and its start by the clock, s."""
+    """Return the case of one slice from that of all (`by_plant`) and its start on the clock, s."""
     own = case.casting.start or Start.model_validate({})
     casting = case.casting.model_copy(update={"start": own.model_copy(update={"time": start})})
     return case.model_copy(update={"casting": casting})
 
 
 def _mould_laws(case: Case) -> list[str]:
-    """Keys of the laws that cool the strand in its mould, and that a factor may scale."""
+    """Keys of the heat laws of the mould that a factor may scale."""
     return [
         f"cooling.{i}.surface.{j}"
         for i, zone in enumerate(case.mould_zones())
@@ -296,7 +299,7 @@ def _mould_laws(case: Case) -> list[str]:
 
 
 def _sprays(case: Case) -> dict[str, str]:
-    """Keys of circuits, and of sprays that are the only one of their zone, by their names."""
+    """Keys of the flows of circuits, and of sprays that are alone in their zone, by name."""
     found = {}
     for i, zone in enumerate(case.cooling):
         sprays = [j for j, law in enumerate(zone.surface) if law.tag == "spray"]
@@ -308,14 +311,14 @@ def _sprays(case: Case) -> dict[str, str]:
 
 @check("caster")
 def _plant_fits(case: Case, caster: Caster) -> Faults:
-    """Yield columns that the case has no place for, and what the history cannot tell."""
+    """Report columns that have no key in the case, and values missing from the record."""
     plant, names = caster.plant, _sprays(case)
     speeds, times = plant.values["speed"], plant.times
     if not speeds[0] > 0.0 and caster.cast_from is None:
         fix = "the caster begins with steady casting, or empty with cast_from"
         yield "plant", f"begins with the strand at rest; {fix}"
     if not speeds[-1] > 0.0:
-        yield "plant", "ends with the strand at rest, from where it never goes on; add a row"
+        yield "plant", "ends with the strand at rest, so it never moves again; add a row"
     for name in plant.water:
         if name not in names:
             known = f"a circuit, or a zone with one spray: {', '.join(names) or 'there is none'}"
@@ -331,7 +334,7 @@ def _plant_fits(case: Case, caster: Caster) -> Faults:
 
 @caution("caster")
 def _water_off(case: Case, caster: Caster) -> Faults:
-    """Yield when a circuit has no water while the strand moves, told once for each."""
+    """Report each circuit that has no water while the strand moves, once."""
     plant = caster.plant
     for name in plant.water:
         rows = zip(plant.times, plant.values[name], plant.values["speed"], strict=True)
@@ -341,7 +344,7 @@ def _water_off(case: Case, caster: Caster) -> Faults:
 
 @check("caster")
 def _window(case: Case, caster: Caster) -> Faults:
-    """Yield a window that the history does not cover, and a spacing that leaves no slice in it."""
+    """Report output times that the record does not cover, and a spacing that leaves no slice."""
     (start, end), times = caster.window, caster.plant.times
     span = f"the plant's history goes from {times[0]:g} s to {times[-1]:g} s"
     if start < times[0]:
@@ -363,22 +366,22 @@ def _window(case: Case, caster: Caster) -> Faults:
 
 @check("caster")
 def _looks_at(case: Case, caster: Caster) -> Faults:
-    """Yield pyrometers beyond the strand or of one name, and moments at which nobody looks."""
+    """Report pyrometers beyond the strand or with equal names, and moments without an output."""
     (start, end), names = caster.window, [one.name for one in caster.pyrometer]
     for i, one in enumerate(caster.pyrometer):
         if one.at > case.casting.length * (1.0 + ROUNDING):
             text = f"({one.at:g} m): the strand is followed to {case.casting.length:g} m"
             yield f"pyrometer.{i}.at", text
         if one.name in names[:i]:
-            yield f"pyrometer.{i}.name", f"'{one.name}' stands there twice"
+            yield f"pyrometer.{i}.name", f"'{one.name}' appears twice"
     for moment in caster.moments:
         if not start <= moment <= end:
-            yield "moments", f"({moment:g} s): it is looked at from {start:g} s to {end:g} s"
+            yield "moments", f"({moment:g} s): the run goes from {start:g} s to {end:g} s"
 
 
 @check("caster")
 def _ends_of_cast(case: Case, caster: Caster) -> Faults:
-    """Yield a begin and an end of the cast that the history does not tell of."""
+    """Report a begin or end of the cast that the record does not cover."""
     begun, until, times = caster.cast_from, caster.cast_until, caster.plant.times
     span = f"the plant's history goes from {times[0]:g} s to {times[-1]:g} s"
     if begun is not None and not times[0] <= begun < times[-1]:
@@ -392,7 +395,7 @@ def _ends_of_cast(case: Case, caster: Caster) -> Faults:
 
 @check("caster")
 def _goes_with(case: Case, caster: Caster) -> Faults:
-    """Yield what a caster of slices that begin at the meniscus does not go with."""
+    """Report what cannot be combined with a caster, whose slices begin at the meniscus."""
     start = case.casting.start
     if case.verification is not None:
         yield "", "does not go with [verification]: a closed form is of one slice"

@@ -30,7 +30,7 @@ MechanicalField = Literal[
 ]
 ContactField = Literal["gap", "contact_pressure"]
 ReferenceKind = Literal["value", "at_least", "at_most"]
-"""What is known of a quantity: its value, or a bound."""
+"""How a reference is compared: as a value, or as a bound."""
 
 
 def _goes(speed: float | Table) -> float | Table:
@@ -40,7 +40,7 @@ def _goes(speed: float | Table) -> float | Table:
 
 
 def _is_table(profile: float | Table) -> float | Table:
-    """Refuse one temperature, which is casting.temperature."""
+    """Refuse a single temperature, which belongs in casting.temperature."""
     if isinstance(profile, Table):
         return profile
     fix = "the one temperature of a slice is casting.temperature"
@@ -67,106 +67,106 @@ SuperheatOverTime = Annotated[Tabled, Curve(Kind("K", "K", difference=True, leas
 
 
 class Start(TableModel):
-    """Where, when and with what a run begins."""
+    """Start of a run: position, time and state."""
 
     at: Literal["meniscus", "mould_exit"] = "meniscus"
-    """where the run, its history and its mechanics begin: at mould_exit, unstrained and in its
-    shape as cold, after a run of the temperature alone through the zones of the mould, or with the
+    """where the run, its history and its mechanics begin. With mould_exit the slice starts
+    unstrained, in its cold shape, after a thermal run through the zones of the mould, or with the
     profile"""
     profile: TemperatureOverDepth | None = None
-    """temperature there over the depth below the surface; left out: the steel as poured, cooled by
-    the mould"""
+    """temperature at the start over the depth below the surface; left out: the poured steel, cooled
+    by the mould"""
     meniscus: Length | None = Field(None, examples=["8 mm"])
-    """height of the meniscus over which the steel has met the wall already where the slice is
-    formed: it is cooled as over the same height below, in its shape and unstrained; left out: not
-    at all"""
+    """height of the meniscus along which the steel has touched the wall before the slice is formed:
+    it is cooled as over the same height below, undeformed and unstrained; left out: 0"""
 
     time: Instant | None = Field(None, examples=["120 s"])
-    """when the slice leaves the meniscus, on the clock by which the tables over time of
-    casting.speed, casting.superheat and of water go; below 0 before they begin, when their first
-    rows hold; left out: at 0 s"""
+    """when the slice leaves the meniscus, on the clock of the tables over time of casting.speed,
+    casting.superheat and water; negative before these begin, where their first rows hold; left out:
+    0 s"""
 
 
 class Casting(TableModel):
     """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
 
     speed: SpeedOverTime = Field(examples=["3.6 m/min"])
-    """casting speed, or over time; the slice leaves the meniscus at time 0, or at
+    """casting speed, a number or a table over time; the slice leaves the meniscus at time 0, or at
     casting.start.time"""
     length: Length = Field(examples=["600 mm"])
-    """length that is followed, from the meniscus"""
+    """followed length, from the meniscus"""
     superheat: SuperheatOverTime | None = None
-    """temperature of the steel at the meniscus, above the liquidus; over time a slice has that of
-    its own start, casting.start.time"""
+    """temperature of the steel at the meniscus, above the liquidus; of a table over time the value
+    at the start of the slice (casting.start.time)"""
     temperature: Temperature | None = Field(None, examples=["1540 degC"])
     """temperature of the steel at the meniscus"""
     start: Start | None = None
-    """where and with what it begins; left out: liquid, at the meniscus"""
+    """where and in which state the run begins; left out: liquid, at the meniscus"""
 
     @property
     def travel(self) -> Travel:
-        """The way of the slice over time."""
+        """Position of the slice over time."""
         if isinstance(self.speed, Table):
             return Changing([t - self.clock for t in self.speed.arguments], self.speed.values)
         return Steady(self.speed)
 
     @property
     def clock(self) -> float:
-        """When the slice leaves the meniscus, on the clock of the tables over time, s."""
+        """When the slice leaves the meniscus, by the clock of the tables over time, s."""
         return 0.0 if self.start is None or self.start.time is None else self.start.time
 
     @property
     def poured_superheat(self) -> float | None:
-        """Superheat that the slice has at the meniscus, K; None where its temperature is given."""
+        """Superheat at the meniscus, K; None if the temperature is given."""
         table = self.superheat
         return float(table(self.clock)) if isinstance(table, Table) else table
 
     @property
     def duration(self) -> float:
-        """Time from the meniscus to the end of the followed length, s; inf if it is not reached."""
+        """Time from the meniscus to the end of the followed length, s; inf if never reached."""
         return self.travel.time_at(self.length)
 
 
 class ScheilFreezing(TableModel):
-    """Freezing without diffusion in the solid, which is equilibrated at its mean composition."""
+    """Freezing without diffusion of alloying elements in the solid (Scheil)."""
 
     end: Annotated[float, Kind("1", above=0.0, most=0.5, label="fraction", sample="0.01")] = 0.01
     """mass fraction of liquid at which the path ends: the rest freezes at that temperature"""
     carbon_diffuses: bool = Field(True, strict=True)
-    """keep carbon at one chemical potential in liquid and solid (back diffusion), or let it stay
-    where it has frozen"""
+    """whether carbon has one chemical potential in liquid and solid (back diffusion); otherwise it
+    stays where it has frozen"""
 
 
 class Steel(TableModel):
-    """The steel that is cast: a property set, its composition and changes for this case."""
+    """The steel: a property set, its composition, and changes for this case."""
 
     name: str
-    """a set shipped with castfem, or a TOML file of your own, relative to this file; it does away
-    with an inherited composition, unless it is to be computed from it"""
+    """a set shipped with castfem, or a TOML file of your own, relative to this file; it removes an
+    inherited composition unless it is computed from one"""
     composition: dict[str, Percent] = Field(default_factory=dict)
-    """weight percent of the elements (C = 0.42), for sets computed from it; of an inherited set
-    that is not, it makes plain_carbon"""
+    """weight percent of the elements (C = 0.42), for sets computed from it; if the inherited set is
+    not, plain_carbon replaces it"""
     overrides: dict[str, Any] = Field(default_factory=dict)
     """keys of the property set to change for this case, written as in its file"""
     diagram: Literal["assessed", "pascon", "segregated"] | None = None
-    """how a steel with a composition freezes: by curves fitted to an assessed database, or by the
-    straight lines of the thesis, in equilibrium; or segregated, by microsegregation of C, Si, Mn, P
-    and S [Won2001]; by default as the set, which is assessed unless its file has `diagram`"""
+    """how a steel with a composition freezes: assessed, in equilibrium by curves fitted to an
+    assessed database; pascon, in equilibrium by the straight lines of the thesis; segregated, by
+    microsegregation of C, Si, Mn, P and S [Won2001]; left out: the set's own choice, assessed
+    unless its file has `diagram`"""
     database: str | None = Field(None, examples=["steel.tdb"])
-    """thermodynamic database (.tdb, with the extra calphad), relative to this file, by which
-    phases, freezing and heat go instead of the diagram; or the table that an earlier run has kept,
+    """thermodynamic database (.tdb, needs the extra calphad), relative to this file, that gives
+    phases, freezing and heat instead of the diagram; or the table that an earlier run has kept,
     properties/steel/phases.csv"""
     phases: tuple[str, ...] | None = Field(
         None, examples=[["LIQUID", "BCC_A2", "FCC_A1", "CEMENTITE"]]
     )
-    """phases of the database that are counted with, by its names; by default liquid, ferrite,
-    austenite, carbides and MnS"""
+    """phases of the database to include, by its names; by default liquid, ferrite, austenite,
+    carbides and MnS"""
     scheil: ScheilFreezing | None = None
-    """with a database: freeze by Scheil; left out: in equilibrium"""
+    """with a database: freezing by Scheil; left out: in equilibrium"""
 
     @property
     def changes(self) -> dict[str, Any]:
-        """What is changed of the set, written as in its file; a database as a `Request`."""
+        """Changes to the set, written as in its file; a database as a `Request`."""
         changes = dict(self.overrides)
         if self.diagram is not None:
             changes["diagram"] = self.diagram
@@ -180,14 +180,14 @@ class Steel(TableModel):
 
 @check("steel")
 def _with_database(_: Any, steel: Steel) -> Faults:
-    """Yield keys that ask something of a database where there is none."""
+    """Report keys that need a database where there is none."""
     for key in ("phases", "scheil"):
         if getattr(steel, key) and steel.database is None:
-            yield key, 'is of a thermodynamic database; give one, database = "steel.tdb"'
+            yield key, 'needs a thermodynamic database; give one, database = "steel.tdb"'
 
 
 def _whole_percent(fraction: float | None) -> float | None:
-    """Refuse what has no name of two digits, and the solidus, whose shell is there anyway."""
+    """Refuse fractions without a name of two digits, and the solidus, which is always there."""
     if fraction is not None and abs(100.0 * fraction - round(100.0 * fraction)) > 1e-6:
         raise ValueError("whole per cents are needed, such as 0.7")
     if fraction is not None and not 0.005 < fraction < 0.995:
@@ -201,11 +201,11 @@ WholePercent = Annotated[
 
 
 MOST_STATES = 250
-"""States of the fields, at most, of a case that does not say how often: a film of ten seconds."""
+"""Largest number of field outputs of a case that sets no interval: a film of ten seconds."""
 
 
 def usual_interval(duration: float) -> float:
-    """Return the time between two states of the fields of a case that gives none, s."""
+    """Return the output interval of the fields for a case that gives none, s."""
     shortest = 0.5  # s
     if not shortest * MOST_STATES < duration < math.inf:
         return shortest
@@ -215,11 +215,11 @@ def usual_interval(duration: float) -> float:
 
 
 class Output(TableModel):
-    """What a run writes, and how often."""
+    """Output of a run, and how often it is written."""
 
     fields: tuple[FieldName, ...] | None = Field(None, examples=[["temperature", "displacement"]])
-    """fields in fields.xdmf, [] for none; by default those of the temperature, with [mechanics]
-    displacement, stress, von_mises and viscoplastic_strain, with [mould] gap and
+    """fields written to fields.xdmf, [] for none; by default the thermal ones, with [mechanics]
+    also displacement, stress, von_mises and viscoplastic_strain, with [mould] also gap and
     contact_pressure"""
     every: Time | None = Field(
         None,
@@ -229,28 +229,28 @@ class Output(TableModel):
         examples=["2 s"],
     )
     by_clock: bool = Field(False, strict=True)
-    """count `every` from 0 s by the clock of casting.start.time, rather than from when the slice
-    leaves the meniscus: slices of one strand are then written at the same instants"""
+    """count `every` from 0 s on the clock of casting.start.time instead of from when the slice
+    leaves the meniscus, so that all slices of a strand are written at the same instants"""
     figures: bool = Field(True, strict=True)
     """draw the figures at the end of the run"""
     checkpoint_every: int | None = Field(None, ge=0, strict=True, examples=[20])
-    """steps between two checkpoints (for --resume); 0 for none; left out: 20 or more, so that a
-    second or more by the wall clock lies between two"""
+    """steps between two checkpoints (for --resume); 0 for none; left out: 20 or more, so that at
+    least a second of run time lies between two"""
     smooth: bool | None = Field(None, strict=True, examples=[True])
-    """compute smooth twins of the largest von Mises stress, von_mises_smooth at the end and
-    way_von_mises_smooth on the way; `castfem optimise` does where it is named there"""
+    """compute smooth approximations of the largest von Mises stress, von_mises_smooth at the end
+    and way_von_mises_smooth along the way; `castfem optimise` does so if [optimise] names them"""
     units: Annotated[ShownUnits, UnitsNotation()] | None = Field(None, examples=["si"])
-    """in which units tables, figures and the report show numbers: plant (mm, degC, MPa, kN ...),
-    si, or a table of units by what is measured or by the name of a quantity, with system for all
-    others ([output.md](output.md#units)); files keep their documented units; left out: plant"""
+    """units of numbers in tables, figures and the report: plant (mm, degC, MPa, kN ...), si, or a
+    table of units by physical quantity or by name of a result, with `system` for all others
+    ([output.md](output.md#units)); files keep their documented units; left out: plant"""
     shell_at: tuple[WholePercent, ...] = Field((), examples=[[0.3, 0.7]])
-    """solid fractions, whole per cents, to which the shell is told besides that of the solidus: 0.7
-    gives the columns fs70_mid_face, fs70_corner ..."""
+    """solid fractions, in whole per cents, for which the shell thickness is written besides that of
+    the solidus: 0.7 gives the columns fs70_mid_face, fs70_corner ..."""
     probe: tuple[Probe, ...] = ()
 
     @property
     def steps_to_checkpoint(self) -> int:
-        """Steps between two checkpoints, at least; 0 for none."""
+        """Smallest number of steps between two checkpoints; 0 for none."""
         return 20 if self.checkpoint_every is None else self.checkpoint_every
 
 
@@ -260,14 +260,15 @@ def _quantity(text: str) -> str:
 
 
 class Reference(TableModel):
-    """A number to compare with, printed beside the computed one where the run ends."""
+    """A reference number, printed beside the computed one at the end of the run."""
 
     quantity: str
     """name of the computed quantity, as in summary.json"""
     value: Annotated[str, AfterValidator(_quantity)]
     """expected value with its unit, such as "4.75 mm" """
     kind: ReferenceKind = "value"
-    """`value` is what is expected, or a bound: the computed one is at least, or at most, this"""
+    """whether `value` is the expected value or a bound (the computed value is at least, or at most,
+    this)"""
     source: str
     """where the number comes from"""
     at: Length | None = Field(None, examples=["600 mm"])
@@ -275,8 +276,8 @@ class Reference(TableModel):
     note: str = ""
     """remark printed with it"""
     changed: tuple[str, ...] | None = Field(None, examples=[["casting.speed"]])
-    """keys that were changed since, by a file that extends this one, `--set` or a script: castfem
-    writes them, and takes no difference from a number of the unchanged case"""
+    """keys changed after the reference was written, by a file that extends this one, `--set` or a
+    script: written by castfem, which then gives no difference from the reference"""
 
     @property
     def si(self) -> float:
@@ -301,7 +302,7 @@ def _temperature(case: Case, casting: Casting) -> Faults:
 
 @check("casting")
 def _stands(case: Case, casting: Casting) -> Faults:
-    """Yield a strand that stands for good before it has come to the end."""
+    """Report a strand that stops for good before the end of the followed length."""
     table = casting.speed
     if not isinstance(table, Table) or math.isfinite(casting.duration):
         return
@@ -309,14 +310,14 @@ def _stands(case: Case, casting: Casting) -> Faults:
     yield (
         "speed",
         f"the strand stands for good after {last:g} s, {casting.travel.position(last):.6g} m below "
-        f"the meniscus: it never comes to casting.length ({casting.length:g} m); let the last row "
+        f"the meniscus: it never reaches casting.length ({casting.length:g} m); let the last row "
         "of the table be above 0 m/min, or shorten the length",
     )
 
 
 @check("casting.start")
 def _start(case: Case, start: Start) -> Faults:
-    """Yield what a start below the mould, or from a profile, does not go with."""
+    """Report what cannot be combined with a start below the mould, or from a profile."""
     if case.verification is not None:
         yield "", "a closed form begins at the meniscus, at one temperature; leave it out"
     if start.at != "mould_exit":
@@ -334,13 +335,13 @@ def _start(case: Case, start: Start) -> Faults:
 
 @check("casting.start")
 def _meniscus(case: Case, start: Start) -> Faults:
-    """Yield what a meniscus that has met the wall does not go with."""
+    """Report what cannot be combined with contact above the start, in the meniscus."""
     height = start.meniscus
     if height is None:
         return
     if start.profile is not None or start.at == "mould_exit":
         other = "profile" if start.profile is not None else 'at = "mould_exit"'
-        yield "meniscus", f"and {other} both say what the run begins with; leave one of them out"
+        yield "meniscus", f"and {other} both give the initial state; leave one of them out"
         return
     ends = case.cooling[0].to
     if ends is not None and not height < ends:
@@ -364,7 +365,7 @@ def _fields(case: Case, output: Output) -> Faults:
 
 @check("reference.*")
 def _compared(case: Case, reference: Reference) -> Faults:
-    """Yield references that no run could ever be compared with."""
+    """Report references that no run can be compared with."""
     if fault := result_registry.fault(reference.quantity, reference.value):
         yield fault
 

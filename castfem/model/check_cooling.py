@@ -27,7 +27,7 @@ def _zone_names(case: Case, zones: tuple[Zone, ...]) -> Faults:
 @check()
 def _zones(case: Case, _: object) -> Faults:
     zones, reached = case.cooling, 0.0
-    shortest = 1e-6  # m: less is what rounding makes of one and the same place
+    shortest = 1e-6  # m: less is rounding of the same position
     for index, zone in enumerate(zones):
         key = f"cooling.{index}.to"
         if isinstance(zone, Unreadable) or isinstance(zone.to, Unreadable):
@@ -37,11 +37,11 @@ def _zones(case: Case, _: object) -> Faults:
                 yield f"cooling.{index}", "'to' is missing; only the last zone may leave it out"
             continue
         if zone.to <= reached:
-            end = f"the end of the zone before ({in_mm(reached)}); give zones in casting order"
+            end = f"the end of the previous zone ({in_mm(reached)}); give zones in casting order"
             yield key, f"({in_mm(zone.to)}) does not lie beyond {end}"
         elif zone.to - reached < shortest:
             least = f"a zone is at least {1e6 * shortest:g} um long: leave it out"
-            yield key, f"lies {1e9 * (zone.to - reached):.3g} nm below the zone before; {least}"
+            yield key, f"lies {1e9 * (zone.to - reached):.3g} nm below the previous zone; {least}"
         reached = max(reached, zone.to)
     last, length = len(zones) - 1, case.casting.length
     if case.secondary is not None:
@@ -56,7 +56,7 @@ def _zones(case: Case, _: object) -> Faults:
 
 @check("cooling.*")
 def _without_end(case: Case, zone: Zone) -> Faults:
-    """Yield a total over a zone without end: what a place gets would hang on the run's length."""
+    """Report a total over a zone without end: the flux would depend on the followed length."""
     for j, law in enumerate(zone.surface if zone.to is None else ()):
         if law.asks_extent and getattr(law, "area", None) is None:
             spray = isinstance(law, Spray)
@@ -69,7 +69,7 @@ def _without_end(case: Case, zone: Zone) -> Faults:
 
 @check("cooling.*")
 def _factor(case: Case, zone: Zone) -> Faults:
-    """Yield a factor of what is tabulated over the surface temperature."""
+    """Report a factor on a table over the surface temperature."""
     for j, law in enumerate(zone.surface):
         if not isinstance(law, ScaledLaw) or law.factor is None:
             continue
@@ -86,7 +86,7 @@ def _groups(case: Case, law: HeatLaw) -> Faults:
 
 @check("cooling.*")
 def _clash(case: Case, zone: Zone) -> Faults:
-    """Yield a given temperature that meets another law on the same boundary group."""
+    """Report a prescribed temperature together with another law on the same boundary group."""
     for j, law in enumerate(zone.surface):
         for other in zone.surface[:j]:
             shared = law_groups(case.section, law) & law_groups(case.section, other)
@@ -97,7 +97,7 @@ def _clash(case: Case, zone: Zone) -> Faults:
 
 
 def _of_more(section: Any, on: tuple[str, ...] | None) -> str:
-    """Name the symmetry whose section has these faces apart: the one that models the least."""
+    """Name the largest symmetry whose section has these faces as separate groups."""
     here = getattr(section, "symmetry", "whole")
     for more in {"quarter": ("half", "whole"), "half": ("whole",)}.get(here, ()):
         known = section.model_copy(update={"symmetry": more}).outer_groups()
@@ -109,7 +109,7 @@ def _of_more(section: Any, on: tuple[str, ...] | None) -> str:
 
 @check("cooling.*.surface.*")
 def _contact(case: Case, law: HeatLaw) -> Faults:
-    """Yield what a contact law lacks, given the mould there is."""
+    """Report what a contact law lacks, given the mould of the case."""
     if not isinstance(law, Contact):
         return
     yield from one_of(law, {"coefficient": '"1600 W/(m^2 K)"', "flux": '"2 MW/m^2"'})
@@ -122,7 +122,7 @@ def _contact(case: Case, law: HeatLaw) -> Faults:
 
 @check("cooling.*.surface.*")
 def _wall(case: Case, law: HeatLaw) -> Faults:
-    """Yield a wall whose temperature is not given, or twice."""
+    """Report a wall whose temperature is missing or given twice."""
     if not isinstance(law, Contact):
         return
     of_mould = None if case.mould is None else case.mould.wall_temperature
@@ -139,17 +139,17 @@ def _wall(case: Case, law: HeatLaw) -> Faults:
 
 
 def _thin_gap(conductivity: float, coefficient: float | Table) -> Faults:
-    """Yield a gap so thin that rounding determines the heat flux."""
+    """Report a gap conductivity at which rounding in the gap determines the heat flux."""
     best = max(coefficient.values) if isinstance(coefficient, Table) else coefficient
     halving = conductivity / best if best > 0.0 else math.inf
-    if halving < 1e-7:  # m: surfaces are a hundred times as rough
+    if halving < 1e-7:  # m: the roughness of surfaces is a hundred times larger
         text = f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the heat"
         yield "gap_conductivity", f"{text}; gases and slags have 0.02 to 2 W/(m K)"
 
 
 @check("cooling.*.surface.*")
 def _scaled(case: Case, law: HeatLaw) -> Faults:
-    """Yield a measured total that cannot be used."""
+    """Report a measured total that cannot be used."""
     if not isinstance(law, ScaledLaw) or not (has := given(law, *TOTALS)):
         return
     if "power" in has and len(has) > 1:
@@ -169,7 +169,7 @@ def _scaled(case: Case, law: HeatLaw) -> Faults:
 
 @check("cooling.*.surface.*")
 def _measured_at(case: Case, law: HeatLaw) -> Faults:
-    """Yield a speed of measurement that changes nothing, or beside totals that follow the speed."""
+    """Report a measured_at without effect, or beside totals that follow the speed."""
     if not isinstance(law, ScaledLaw) or law.measured_at is None:
         return
     totals, value = given(law, *TOTALS), getattr(law, law.curve_key)
@@ -184,7 +184,7 @@ def _measured_at(case: Case, law: HeatLaw) -> Faults:
 
 @check("cooling.*")
 def _range_of_formula(case: Case, zone: Zone) -> Faults:
-    """Yield a published flux that is used beyond its range, at the speed of the case or of it."""
+    """Report a published flux outside its range, at the speed of the case or measured_at."""
     end = case.casting.length if zone.to is None else zone.to
     for j, law in enumerate(zone.surface):
         curve = law.curve if isinstance(law, ScaledLaw) else None
@@ -209,7 +209,7 @@ def _range_of_formula(case: Case, zone: Zone) -> Faults:
 
 
 def _shorter(case: Case, most: float) -> str:
-    """Say where a zone should end that must not go beyond `most` (m); "" if its mould does."""
+    """Say where a zone must end so as not to exceed `most` (m); "" if the zones of its mould do."""
     if case.mould is None:
         whole = math.floor(1e3 * most * (1 + ROUNDING))
         return f'if the mould ends before, give the zone its end, to = "{whole} mm" at most; else '
@@ -224,7 +224,7 @@ def _degrees(wall: Any) -> str:
 
 @check("mould")
 def _mould_and_zones(case: Case, mould: Mould) -> Faults:
-    """Yield where the heat still has, or has no longer, the wall that the mechanics has."""
+    """Report where the zones and the mould of the mechanics end at different positions."""
     zones, length = case.cooling, case.casting.length
     contact = [any(isinstance(w, Contact) and w.gap is None for w in z.surface) for z in zones]
     if not any(contact):
@@ -261,7 +261,7 @@ def law_groups(section: Section, law: HeatLaw) -> set[str]:
 
 
 def unknown_groups(on: tuple[str, ...] | None, known: tuple[str, ...]) -> Faults:
-    """Yield names in `on` that stand for no boundary group."""
+    """Report names in `on` that match no boundary group."""
     for name in on or ():
         if not name or not any(group.startswith(name) for group in known):
             fix = f"allowed: {choices(known)} or how they begin{nearest(name, known)}"

@@ -1,4 +1,4 @@
-"""What [secondary] may ask for, given the rolls and the section; what is probably not meant."""
+"""Checks of [secondary] against the rolls and the section, and warnings about unusual values."""
 
 from __future__ import annotations
 
@@ -73,14 +73,14 @@ def _known(case: Case, circuit: Circuit) -> Faults:
     if circuit.nozzle not in names:
         known = f"; there are {choices(names)}" if names else "; add [[secondary.nozzle]]"
         near = nearest(circuit.nozzle, names)
-        yield "nozzle", f'("{circuit.nozzle}") is no model of nozzle{known}{near}'
+        yield "nozzle", f'("{circuit.nozzle}") is not a nozzle model{known}{near}'
 
 
 @check("secondary")
 def _contacts_apart(case: Case, table: Secondary) -> Faults:
-    """Yield an angle of contact at which the strand would touch two rolls at once.
+    """Report a contact angle at which the strand would touch two rolls at once.
 
-    Rolls that overlap, or are not in casting order, have been told by themselves.
+    Rolls that overlap, or are not in casting order, are reported elsewhere.
     """
     rolls = _rolls(case)
     if table.contact is None or rolls is None:
@@ -98,7 +98,7 @@ def _contacts_apart(case: Case, table: Secondary) -> Faults:
 
 @check("secondary.circuit.*")
 def _faces(case: Case, circuit: Circuit) -> Faults:
-    """Yield faces that there are not, and nozzles that stand before two kinds of them."""
+    """Report faces that do not exist, and nozzles that spray faces of two kinds."""
     if not isinstance(case.section, Rectangle):
         return
     known = tuple(g for g in case.section.outer_groups() if not g.startswith("corner"))
@@ -114,12 +114,12 @@ def _faces(case: Case, circuit: Circuit) -> Faults:
 
 @check("secondary.circuit.*")
 def _across(case: Case, circuit: Circuit) -> Faults:
-    """Yield nozzles outside of their face, two at one place, and rows that are not mirrored."""
+    """Report nozzles outside their face or at the same place, and rows that are not symmetric."""
     section, ordered = case.section, sorted(circuit.across)
     if not isinstance(section, Rectangle):
         return
     half, far = _half(case, circuit), max(ordered, key=abs)
-    same = 1e-6  # m: two nozzles at one place
+    same = 1e-6  # m: two nozzles at the same place
     if abs(far) > half:
         text = f"the nozzle at {in_mm(far)} stands outside of the face"
         yield "across", f"{text}, which ends {in_mm(half)} from its middle"
@@ -136,7 +136,7 @@ def _across(case: Case, circuit: Circuit) -> Faults:
 
 @check("secondary.circuit.*")
 def _between(case: Case, circuit: Circuit) -> Faults:
-    """Yield rows between rolls that are not there, and sprays that are too long for their gap."""
+    """Report rows between rolls that do not exist, and sprays too long for their gap."""
     from castfem.physics.machine.sprays import footprint, gap_below, longest_spray
 
     rolls, table = _rolls(case), case.secondary
@@ -153,7 +153,7 @@ def _between(case: Case, circuit: Circuit) -> Faults:
     length, contacts = footprint(circuit.stand_off, model.angle_along), table.contacts(rolls)
     for number in range(*between):
         gap = gap_below(rolls, number, case.section.height)
-        if gap.clear <= 0.0:  # the rolls overlap: told with them
+        if gap.clear <= 0.0:  # the rolls overlap: reported elsewhere
             continue
         where = f"between rolls {number} and {number + 1}"
         if circuit.wide and 2.0 * circuit.stand_off <= gap.diameter:
@@ -167,7 +167,7 @@ def _between(case: Case, circuit: Circuit) -> Faults:
         if circuit.wide:
             room = 2.0 * min(gap.middle - contacts[number - 1][1], contacts[number][0] - gap.middle)
             most = min(longest_spray(gap.clear, circuit.stand_off, gap.diameter), room)
-        if length > most > 0.0:  # arcs of contact that overlap are found by a check of their own
+        if length > most > 0.0:  # overlapping arcs of contact are reported elsewhere
             yield (
                 "stand_off",
                 f"({in_mm(circuit.stand_off)}) and {format(model.angle_along, 'rad', 'deg')} along "
@@ -186,7 +186,7 @@ def _unused(case: Case, table: Secondary) -> Faults:
 
 
 def _places(case: Case, circuit: Circuit) -> Array:
-    """Places across the face that a circuit sprays, at which its water is looked at, m."""
+    """Positions across the face at which the water of a circuit is evaluated, m."""
     half = _half(case, circuit)
     return np.asarray(np.linspace(-half, half, 401))
 
@@ -220,7 +220,7 @@ def _water(places: Array, circuit: Circuit, model: NozzleModel) -> Array:
 
 @caution("secondary.circuit.*")
 def _ranges(case: Case, circuit: Circuit) -> Faults:
-    """Yield water outside of what the coefficient of its nozzles is known for."""
+    """Report water outside the range of the heat transfer coefficient of its nozzles."""
     from castfem.physics.machine.sprays import footprint
     from castfem.physics.thermal.sprays import CORRELATIONS, WATER_DENSITY
 
@@ -229,7 +229,7 @@ def _ranges(case: Case, circuit: Circuit) -> Faults:
     model = table.model_of(circuit)
     supply, places = _about(case), _places(case, circuit)
     total = np.zeros(len(places))
-    for other in table.circuit:  # what falls on the same places besides
+    for other in table.circuit:  # other circuits on the same places
         gaps = set(range(*other.rolls)) & set(range(*circuit.rolls))
         shared = any(a.startswith(b) or b.startswith(a) for a in other.on for b in circuit.on)
         if not gaps or not shared:
@@ -252,7 +252,7 @@ def _ranges(case: Case, circuit: Circuit) -> Faults:
 
 
 def _about(case: Case) -> Supply:
-    """What tells flows, but for the per cents by which steels differ in density."""
+    """Converts flows with a density that is approximate to the per cents by which steels differ."""
     density = 7300.0  # kg/m3, of steel at its solidus
     mass = density * case.section.width * case.section.height  # type: ignore[attr-defined]
     return Supply(mass, case.casting.travel, case.water, case.casting.clock)

@@ -1,8 +1,8 @@
-"""The checks of a case: functions beside their tables, which register themselves here.
+"""Registry of the checks of a case; the check functions stand beside their tables.
 
-A check takes the case and one of its tables and yields what is wrong, as pairs of the key within
-that table ("" for the table itself, "/a.b" for a key of the case) and a text. Values of a faulty
-case that could not be read are `Unreadable`: a check that uses one ends there, the others go on.
+A check takes the case and one of its tables and yields faults as pairs: the key within that table
+("" for the table itself, "/a.b" for a key of the case) and a text. Values of a faulty case that
+could not be read are `Unreadable`: a check that uses one ends there, and the others go on.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _TRIPPED = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeEr
 
 
 class Checks:
-    """Checks of one kind, in the order of their definition; a decorator enters one.
+    """Checks of one kind in the order of their definition; used as a decorator to register one.
 
     Args:
-        of_faults: Whether what they find is a fault, after which another check may trip.
+        of_faults: Whether a finding is an error, after which other checks may fail.
     """
 
     def __init__(self, of_faults: bool) -> None:
@@ -34,11 +34,11 @@ class Checks:
         self._entered: list[tuple[tuple[str, ...], Check]] = []
 
     def __call__(self, table: str = "") -> Callable[[CheckOfTable], CheckOfTable]:
-        """Enter a check.
+        """Register a check.
 
         Args:
-            table: Dotted key of the tables it is for, "*" for each entry of an array; it is asked
-                for those that a case has. "" for the whole case.
+            table: Dotted key of the tables to check, "*" for each entry of an array; the check runs
+                for those present in the case. "" for the whole case.
         """
 
         def enter(found: CheckOfTable) -> CheckOfTable:
@@ -52,8 +52,8 @@ class Checks:
 
         Args:
             case: The case.
-            sound: Whether all its values could be read. If not, or if a fault was found, a check
-                may fail because of it, and its exception is dropped.
+            sound: Whether all values could be read. If not, or if a fault was found, a check may
+                fail because of it, and its exception is dropped.
         """
         tripped: list[Exception] = []
         for path, found in self._entered:
@@ -71,13 +71,13 @@ class Checks:
 
 
 check = Checks(of_faults=True)
-"""What keeps the case of a strand from being run."""
+"""Errors, with which the case of a strand cannot be run."""
 check_test = Checks(of_faults=True)
-"""The same of a tensile test."""
+"""Errors of a tensile test."""
 caution = Checks(of_faults=False)
-"""What a sound case has that was probably not meant."""
+"""Warnings about values of a sound case that are probably mistakes."""
 own_caution = Checks(of_faults=False)
-"""The same, of a key that the case has written itself: what it extends may need it."""
+"""Warnings about keys that the case itself sets: the case it extends may need them."""
 
 
 def _tables(table: Any, path: tuple[str, ...], place: Path = ()) -> Iterator[tuple[Path, Any]]:
@@ -104,7 +104,7 @@ def given(table: Any, *keys: str) -> list[str]:
 
 
 def one_of(table: Any, samples: dict[str, str]) -> Faults:
-    """Yield that none of some keys is given, or several."""
+    """Report that none of some keys is given, or more than one."""
     names, found = list(samples), given(table, *samples)
     if not found:
         written = ", ".join(f"{key} = {sample}" for key, sample in samples.items())
@@ -114,7 +114,7 @@ def one_of(table: Any, samples: dict[str, str]) -> Faults:
 
 
 def twice(names: list[str], key: str, same: Callable[[str], str] = str) -> Faults:
-    """Yield the entries of an array whose name an earlier one has, or the `same` in writing."""
+    """Report array entries with the name of an earlier one, or with an equal value of `same`."""
     earlier: set[str] = set()
     for index, name in enumerate(names):
         if isinstance(name, Unreadable):

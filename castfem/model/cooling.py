@@ -1,6 +1,6 @@
-"""The array of tables [[cooling]]: zones in casting order and the heat laws that hold in them.
+"""The array of tables [[cooling]]: zones in casting order with their heat laws.
 
-What the laws have in common stands in `castfem.model.heat_law`.
+`castfem.model.heat_law` holds what the laws have in common.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ WallTemperature = Annotated[str | Tabled, OrWord(Curve(Kind("K", "degC"), "time"
 
 
 class Contact(ScaledLaw):
-    """Contact with a wall, through a gap where there is one (thesis, eq. 301)."""
+    """Contact with a wall, through a gap where one opens (thesis, eq. 301)."""
 
     model_config = ConfigDict(
         json_schema_extra={"anyOf": [{"required": ["coefficient"]}, {"required": ["flux"]}]}
@@ -85,19 +85,19 @@ class Contact(ScaledLaw):
 
     law: Literal["contact"]
     coefficient: ContactCoefficient | None = Field(None, examples=["1600 W/(m^2 K)"])
-    """coefficient without a gap; a table over temperature is over that of the surface"""
+    """heat transfer coefficient without a gap; a table over temperature uses that of the surface"""
     flux: ContactFlux | None = Field(None, examples=["2 MW/m^2"])
-    """heat flux of good contact, instead of coefficient: what is measured where there is no gap; a
-    gap lowers it"""
+    """heat flux at full contact, instead of coefficient, as measured where there is no gap; a gap
+    lowers it"""
     wall: WallTemperature | None = Field(None, examples=["160 degC"])
-    """temperature of the wall; "mould", as by default: mould.wall_temperature"""
+    """temperature of the wall; "mould" (the default) takes mould.wall_temperature"""
     gap: Distance | None = Field(
         None,
         description=GAP + "; by default the one that opens in the mould, none without [mould]",
         examples=["0.2 mm"],
     )
     gap_conductivity: Conductivity | None = Field(None, examples=["0.15 W/(m K)"])
-    """conductivity of what fills the gap; needed where there can be one"""
+    """conductivity of the medium in the gap; required where a gap can open"""
 
     def build(self, around: Surroundings) -> flux_laws.Contact:
         """See `HeatLaw.build`."""
@@ -106,7 +106,7 @@ class Contact(ScaledLaw):
         return flux_laws.Contact(
             coefficient=self._good(around),
             wall=wall,
-            # Without a gap its conductivity is not used.
+            # Without a gap the conductivity is not used.
             gap_conductivity=1.0 if self.gap_conductivity is None else self.gap_conductivity,
             gap=self.gap or 0.0,
             follows=self.gap is None,
@@ -133,7 +133,7 @@ class Flux(ScaledLaw):
 
     law: Literal["flux"]
     value: GivenFlux
-    """heat flux; over the time since the meniscus"""
+    """heat flux; a table over time counts from the meniscus"""
 
     def build(self, around: Surroundings) -> flux_laws.PrescribedFlux:
         """See `HeatLaw.build`."""
@@ -141,7 +141,7 @@ class Flux(ScaledLaw):
 
 
 def over_temperature(given: object) -> Table | None:
-    """Return a value of a law if it is a table over the surface temperature."""
+    """Return a value of a law if it is a table over the surface temperature, else None."""
     return given if isinstance(given, Table) and given.over == "temperature" else None
 
 
@@ -151,8 +151,8 @@ SprayedArea = Annotated[float, Kind("m^2", "m^2", above=0.0)]
 class Spray(HeatLaw):
     """Water spray: convection with the coefficient of a published correlation.
 
-    Its water is given per area, or as that of the whole zone: its flow, per mass of steel, or as a
-    share of `[water]`.
+    Its water is given per surface area, or for the whole zone: as a flow, per mass of steel, or as
+    a share of `[water]`.
     """
 
     called: ClassVar[str] = "a spray"
@@ -161,21 +161,21 @@ class Spray(HeatLaw):
     water: WaterFlow | None = Field(None, examples=["5 L/(m^2 s)"])
     """water flow per surface area"""
     flow: ZoneFlow | None = Field(None, examples=["240 L/min"])
-    """instead of water, that of the zone on all faces of this law, of the whole strand; in a table
-    over the casting speed it follows it, over time goes by the clock of casting.start.time"""
+    """flow of the zone on all faces of this law, on the whole strand, instead of water; a number,
+    or a table over the casting speed or over time by the clock of casting.start.time"""
     specific: SpecificWater | None = Field(None, examples=["0.3 L/kg"])
-    """instead of water, that of the zone per mass of steel that passes; it follows the casting
+    """water of the zone per mass of passing steel, instead of water; its flow follows the casting
     speed"""
     share: WaterShare | None = Field(None, examples=[0.3])
-    """instead of water, the zone's share of [water]"""
+    """the zone's share of [water], instead of water"""
     area: SprayedArea | None = Field(None, examples=["1.2 m^2"])
-    """sprayed area of these faces, with the water of the zone; by default all of them in it"""
+    """sprayed area of these faces, for the water of the zone; by default their whole area in it"""
     water_temperature: WaterTemperature = Field(examples=["25 degC"])
     """temperature of the water"""
     correlation: Annotated[str, NameOf(CORRELATIONS)]
-    """formula of the coefficient"""
+    """correlation for the heat transfer coefficient"""
     machine_factor: PositiveNumber = Field(1.0, examples=[4])
-    """divides the coefficient: fit to the machine, about 4 for nozaki"""
+    """divides the coefficient, to fit it to the machine; about 4 for nozaki"""
 
     @property
     def asks_extent(self) -> bool:
@@ -196,19 +196,19 @@ class Spray(HeatLaw):
         )
 
     def _water(self, around: Surroundings) -> mould_flux.Value:
-        """Return the water per area, kg/(m2 s): one number, or over time in s."""
+        """Return the water per area, kg/(m2 s): a number, or a function of time in s."""
         if self.water is not None:
             return self.water
         return times(self._per_flow(around), around.over_time(around.supplied(self)))
 
     def milestones(self, around: Surroundings) -> tuple[float, ...]:
-        """See `HeatLaw.milestones`; a share of a flow bends where that does."""
+        """See `HeatLaw.milestones`; a share of a flow changes slope where the flow does."""
         shared = self.share is not None and around.water is not None
         flow = around.water.flow if shared and around.water is not None else self.flow
         return () if flow is None else kinks_in_time(seen_by_slice(flow, around.clock), around)
 
     def _per_flow(self, around: Surroundings) -> float:
-        """Water per area for a flow of the zone, kg/m3 over m2."""
+        """Water per area for a unit flow of the zone, kg/m3 over m2."""
         extent = around.extent
         assert extent is not None, "the law asks for it"
         whole = extent.perimeter * (extent.end - extent.start)
@@ -224,7 +224,7 @@ EmissivityOfTemperature = Annotated[
 
 
 class Convection(HeatLaw):
-    """Convection to the ambient (eq. 30); beside contact, across its gap alone."""
+    """Convection to the ambient (eq. 30); beside contact, only across its gap."""
 
     crosses_gap: ClassVar[bool] = True
 
@@ -232,7 +232,7 @@ class Convection(HeatLaw):
     coefficient: CoefficientOfTemperature
     """heat transfer coefficient"""
     ambient: Temperature = Field(examples=["25 degC"])
-    """temperature of the surroundings"""
+    """ambient temperature"""
 
     def build(self, around: Surroundings) -> flux_laws.Convection:
         """See `HeatLaw.build`."""
@@ -240,21 +240,21 @@ class Convection(HeatLaw):
 
 
 class Radiation(HeatLaw):
-    """Radiation to the ambient (eq. 32, 33); beside contact, across its gap alone."""
+    """Radiation to the ambient (eq. 32, 33); beside contact, only across its gap."""
 
     crosses_gap: ClassVar[bool] = True
 
     law: Literal["radiation"]
     emissivity: EmissivityOfTemperature | None = None
-    """emissivity of the strand; by default the steel's"""
+    """emissivity of the strand; by default that of the steel"""
     ambient: Temperature = Field(examples=["25 degC"])
     """temperature of the surroundings or the wall"""
     wall_emissivity: EmissivityOfTemperature = 1.0
     """emissivity of the wall"""
     refractive_index: PositiveNumber = Field(1.0, examples=[1.5])
-    """of what fills the gap"""
+    """refractive index of the medium in the gap"""
     absorption: InverseLength = written("0 1/m")
-    """absorption of what fills the gap"""
+    """absorption coefficient of the medium in the gap"""
     gap: Distance | None = Field(
         None,
         description=GAP + "; by default that of a contact law on the same boundary group, none "
@@ -292,15 +292,15 @@ class PrescribedTemperature(HeatLaw):
 
 
 class Zone(TableModel):
-    """A part of the machine with its heat laws, which add up on a boundary group (eq. 36).
+    """A cooling zone with its heat laws; the fluxes on a boundary group add up (eq. 36).
 
-    Beside contact, radiation and convection cross its gap: where the strand touches there is
-    contact alone (eq. 35).
+    Beside contact, radiation and convection act across its gap: at touching points there is only
+    contact (eq. 35).
     """
 
     name: str = Field(min_length=1)
     """name of the zone, unique in the case"""
     to: Length | None = Field(None, examples=["600 mm"])
-    """where it ends, from the meniscus; left out: it goes on to the end"""
+    """end of the zone, from the meniscus; left out: it extends to the end of the strand"""
     surface: tuple[HeatLaw, ...] = ()
     """heat laws; none: insulated"""

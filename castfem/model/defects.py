@@ -1,4 +1,4 @@
-"""The array of tables [[machine.defect]]: what is wrong with the rolls of a machine (VI.4).
+"""The array of tables [[machine.defect]]: defects of the rolls and nozzles (VI.4).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -28,41 +28,41 @@ if TYPE_CHECKING:
     from castfem.physics.machine.sprays import Row
 
 Offset = Annotated[float, Kind("m", "mm", label="distance", sample="2 mm")]
-WaterShare = Annotated[  # no nozzle has ten times its water: 66 is meant as 66 percent
+WaterShare = Annotated[  # no nozzle has ten times its water: 66 was meant as 66 percent
     float, Kind("1", "percent", least=0.0, most=10.0, label="share", sample="66 percent")
 ]
 ExtraForce = Annotated[float, Kind("N", "kN", least=0.0, label="force", sample="120 kN")]
 
 
 class Defect(Variants):
-    """What every kind of defect has; a new one is a subclass with its own `kind`.
+    """Base of the kinds of defect; a new one is a subclass with its own `kind`.
 
-    It says what becomes of the rolls, of what they resist, of the rows of nozzles: what it leaves
-    alone it need not name.
+    It changes the rolls, their resistance or the rows of nozzles; a kind overrides only what it
+    changes.
     """
 
     tag_key = "kind"
     kinds: ClassVar[dict[str, Any]] = {}
 
     def on(self, pairs: list[Pair]) -> None:
-        """Change the pairs that have the defect; values missing in a faulty case stay."""
+        """Change the defective pairs; values missing in a faulty case stay missing."""
 
     def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
-        """Return the rows of nozzles."""
+        """Return the rows of nozzles with the defect."""
         return rows
 
     def problems(self, case: Case, pairs: int) -> Faults:
-        """Yield key and fault of a defect that a machine with so many pairs cannot have."""
+        """Report key and fault of a defect that is impossible in a machine with these pairs."""
         yield from ()
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
-        """Return the resistance of each pair (n,), N, out of that of a maker's curve.
+        """Return the resistance of each pair with the defect (n,), N, from that of a maker's curve.
 
         Args:
-            steps: Without this defect (n,), N.
-            normal: The rolls without defects.
-            rolls: With all of them.
-            sliding: What a locked roll resists with, over what one that turns does.
+            steps: Resistance of each pair without this defect (n,), N.
+            normal: The rolls without any defect.
+            rolls: The rolls with all defects.
+            sliding: Resistance of a locked roll over that of a turning one.
         """
         return steps
 
@@ -71,15 +71,15 @@ class RollDefect(Defect):
     """A defect of one pair."""
 
     roll: int = Field(ge=1, strict=True, examples=[48])
-    """number of the pair, from 1"""
+    """number of the pair, counted from 1"""
 
     def __str__(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return f"roll {self.roll}, {self.tag},"
 
     @abstractmethod
     def changed(self, pair: Pair) -> Pair:
-        """Return the pair that has the defect."""
+        """Return the pair with the defect."""
 
     def on(self, pairs: list[Pair]) -> None:
         """See `Defect`."""
@@ -93,7 +93,7 @@ class RollDefect(Defect):
 
 
 class Locked(RollDefect):
-    """A pair that does not turn: the strand slides on it, and it draws no more (eq. 327)."""
+    """A locked pair: the strand slides on it, and it no longer drives (eq. 327)."""
 
     kind: Literal["locked"]
 
@@ -109,24 +109,24 @@ class Locked(RollDefect):
             yield "kind", f'("locked") has no effect without [machine.extraction]; {fix}'
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
-        """Return the steps of resistance, that of this pair times the factor (328)."""
+        """Return the resistances, that of this pair times the factor (328)."""
         found = steps.copy()
         found[self.roll - 1] *= sliding
         return found
 
 
 class Misaligned(RollDefect):
-    """A pair that is off: the strand is bent there and back, with new radii (eq. 329)."""
+    """A misaligned pair: the strand is bent there and back, with new radii (eq. 329)."""
 
     kind: Literal["misaligned"]
     by: Offset = Field(examples=["2 mm"])
     """distance towards the centre of curvature; negative: away from it"""
     resistance: ExtraForce | None = None
-    """what a maker's curve of the resistance grows by, as a coupled run tells it, over the pairs
-    where the strand is bent more than before; left out: nothing"""
+    """increase of a maker's curve of the resistance, as a coupled run computes it, over the pairs
+    where the strand is bent more; left out: none"""
 
     def __str__(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return f"roll {self.roll} off by {1e3 * self.by:g} mm"
 
     def changed(self, pair: Pair) -> Pair:
@@ -149,15 +149,15 @@ class Misaligned(RollDefect):
             yield "resistance", f"has no effect without {what}, to be added to; leave it out"
 
     def _far_off(self, normal: Rolls) -> Faults:
-        """Yield a pair that is farther off than a strand would follow, or (329) holds."""
+        """Report a displacement that a strand cannot follow, or for which (329) does not hold."""
         places = [pair.position for pair in normal.pairs[max(self.roll - 2, 0) : self.roll + 1]]
         pitch = min((b - a for a, b in pairwise(places)), default=math.inf)
         if abs(self.by) > 0.1 * pitch:
             most = f"more than 0.1 of the {1e3 * pitch:.4g} mm to the next pair"
-            yield "by", f"({1e3 * self.by:g} mm): by {most} roll {self.roll} cannot be off"
+            yield "by", f"({1e3 * self.by:g} mm): roll {self.roll} cannot be misaligned by {most}"
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
-        """Return the steps with the extra resistance, shared as the extra bending is."""
+        """Return the resistances with the extra one, shared in proportion to the extra bending."""
         import numpy as np
 
         bends = [
@@ -165,14 +165,15 @@ class Misaligned(RollDefect):
             for these in (rolls, normal)
         ]
         more = np.maximum(bends[0] - bends[1], 0.0)
-        near = np.abs(np.arange(len(more)) - self.roll) <= 2  # from its pair above to two below
+        # from the pair above it to the second below
+        near = np.abs(np.arange(len(more)) - self.roll) <= 2
         more = np.where(near, more, 0.0)
         total = float(more.sum())
         return steps if total == 0.0 else steps + (self.resistance or 0.0) * more / total
 
 
 class Lost(RollDefect):
-    """A pair that is not there: those beside it hold the strand, and carry what it did."""
+    """A missing pair: its neighbours guide the strand and carry its load."""
 
     kind: Literal["lost"]
 
@@ -181,7 +182,7 @@ class Lost(RollDefect):
         return replace(pair, lost=True)
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
-        """Return the steps with that of the pair on those beside it."""
+        """Return the resistances, with that of the missing pair shared by its neighbours."""
         found, i = steps.copy(), self.roll - 1
         above, below = ([j for j in rolls.there if (j > i) == later] for later in (False, True))
         taking = above[-1:] + below[:1]
@@ -192,24 +193,24 @@ class Lost(RollDefect):
 
 
 class Nozzles(Defect):
-    """Nozzles of a circuit that bring less, or more, water than they are meant to (VI.4.1)."""
+    """Nozzles of a circuit with less or more water than nominal (VI.4.1)."""
 
     kind: Literal["nozzles"]
     circuit: str = Field(examples=["bender"])
     """name of the circuit of [secondary]"""
     rolls: tuple[int, int] = Field(examples=[[47, 52]])
-    """numbers of the roll above the first row of nozzles and of that below the last"""
+    """numbers of the rolls above the first and below the last affected row of nozzles"""
     share: WaterShare = Field(examples=["66 percent"])
-    """of their water"""
+    """their water over the nominal one"""
 
     def __str__(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         between = f"from roll {self.rolls[0]} to {self.rolls[1]}"
         return f'nozzles of "{self.circuit}" {between} with {100.0 * self.share:g} % of their water'
 
     @property
     def water(self) -> str:
-        """How much of it there is, and where, in words."""
+        """Share of the water and place, as text."""
         share = f"{100.0 * self.share:g} % of the water"
         return f"{share} from roll {self.rolls[0]} to {self.rolls[1]}"
 
@@ -260,11 +261,11 @@ def _repeated(case: Case, table: Machine) -> Faults:
             yield f"defect.{i}", "appears twice; leave one of the two out"
         if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
             fix = "leave one of the two out"
-            yield f"defect.{i}.roll", f"({defect.roll}): this pair is lost as well; {fix}"
+            yield f"defect.{i}.roll", f"({defect.roll}): this pair is also missing; {fix}"
 
 
 def at_an_end(case: Case, table: Machine, normal: Rolls) -> Faults:
-    """Yield defects of the first and last pair that want another pair beyond them."""
+    """Report defects of the first and last pair that need another pair beyond them."""
     defects = table.defect or ()
     rolls = with_defects(normal, defects)
     if len(rolls.there) < 2:

@@ -1,12 +1,11 @@
-"""Case files as documents: TOML, `extends`, overrides, and which file each key came from.
+"""Case files as documents: TOML, `extends`, overrides, and the file in which each key was written.
 
-Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace;
-a table in the place of an inherited array changes single entries of it by their names
-(`castfem.model.key_names`).
-Of two keys that exclude each other the later one wins: a file that sets `superheat` drops an
-inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole; what it does
-not know of other tables is left out where it was inherited (`castfem.model.layers`), as is the
-composition of another steel.
+Tables merge deeply: a file adds to and changes what it extends. Arrays (also of tables) replace; a
+table in place of an inherited array changes single entries of it by name
+(`castfem.model.key_names`). Of two keys that exclude each other the later one wins: a file that
+sets `superheat` drops an inherited `temperature`. A table whose kind changes (`shape`) is replaced
+as a whole. Inherited keys of other tables that the new kind does not have, and the composition of
+another steel, are left out (`castfem.model.layers`).
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from castfem.model.shipped_cases import find
 
 Keys = tuple[str | int, ...]
 
-_EACH = "*"  # stands for any entry of an array
+_EACH = "*"  # any entry of an array
 _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("casting",), "superheat", "temperature"),
     (("thermal", "time"), "step", "adaptive"),
@@ -36,12 +35,12 @@ _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("cooling", _EACH, "surface", _EACH), "coefficient", "flux"),
     (("cooling", _EACH, "surface", _EACH), "water", "flow"),
 )
-# A table whose shape or law changes is another table; [mechanics] has more to it than its law.
+# Tables that another shape or law replaces as a whole; [mechanics] contains more than its law.
 _KINDS = ("shape", "law")
 _MANY_SIDED: tuple[Keys, ...] = (("mechanics",),)
-# What may be written in several ways that do not mix.
+# Groups of keys that exclude each other.
 _UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"), ("machine", "rolls"), ("caster", "plant"))
-# A table that one word may stand for, and the key that the word is the value of.
+# Tables that one word may replace, and the key whose value the word is.
 _ONE_WORD: dict[Keys, str] = {
     ("mould", "contact"): "method",
     ("mechanics", "bulging"): "model",
@@ -54,40 +53,40 @@ PROPERTY_FILES: tuple[tuple[str, str], ...] = (
     ("tensile", "elasticity"),
 )
 SET = "--set"
-"""Origin of a key that the command line has changed."""
+"""Origin of a key that was changed on the command line."""
 
 
 @dataclass
 class Document:
-    """A case as it was written, before it is validated."""
+    """A case as written, before validation."""
 
     data: dict[str, Any]  #: the merged tables, without `extends`
-    label: str  #: name of the file that was asked for
-    #: where a key (or the table it stands in) was written: a file, or "--set"
+    label: str  #: name of the requested file
+    #: file (or "--set") in which a key, or the table that contains it, was written
     origins: dict[Keys, str] = field(default_factory=dict)
-    #: file (or "--set") that wrote last in a table that another had begun
+    #: file (or "--set") that last wrote into a table begun by another
     joined: dict[Keys, str] = field(default_factory=dict)
-    #: full lines about files and overrides that could not be used
+    #: complete messages about files and overrides that could not be used
     faults: list[str] = field(default_factory=list)
     #: dotted keys that were overridden, and their new values
     changes: list[tuple[str, Any]] = field(default_factory=list)
-    #: full lines about inherited keys that a later setting has done away with
+    #: complete messages about inherited keys that a later setting has removed
     left_out: list[str] = field(default_factory=list)
 
     def origin(self, path: Keys) -> str:
-        """Return the file in which a key stands, or the table around it if it is missing."""
+        """Return the file of a key, or of the table around it if the key is missing."""
         for end in range(len(path), 0, -1):
             if path[:end] in self.origins:
                 return self.origins[path[:end]]
         return self.label
 
     def place(self, path: Keys) -> str:
-        """Return the file to correct: of a table that several have written in, the last of them."""
+        """Return the file to correct: for a table written in several files the last of them."""
         return self.joined.get(path) or self.origin(path)
 
 
 def read(path: Path) -> Document:
-    """Read a case file and all it extends; what cannot be read is noted in `faults`."""
+    """Read a case file and all it extends; errors are collected in `faults`."""
     return _read(path, os.fspath(path), ())
 
 
@@ -119,7 +118,9 @@ def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) 
         return
     if below.resolve() in chain:
         names = " -> ".join(p.name for p in (*chain, below))
-        document.faults.append(f'{document.label}: extends ("{base}"): goes in a circle: {names}')
+        document.faults.append(
+            f'{document.label}: extends ("{base}"): leads back to itself: {names}'
+        )
         return
     inherited = _read(below, os.path.normpath(below), chain)
     document.faults += inherited.faults
@@ -129,7 +130,7 @@ def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) 
 
 
 def _load(path: Path, document: Document) -> dict[str, Any] | None:
-    """Return the tables of one file; note why if it cannot be read."""
+    """Return the tables of one file; record the reason if it cannot be read."""
     label = document.label
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -148,7 +149,7 @@ def _load(path: Path, document: Document) -> dict[str, Any] | None:
 
 
 def _syntax(message: str, text: str) -> str:
-    """Return a TOML syntax error as "line 3, column 7: what is wrong: the line"."""
+    """Return a TOML syntax error as "line 3, column 7: error: the line"."""
     what, _, place = message.partition(" (at ")
     place = place.rstrip(")")
     if not place.startswith("line"):
@@ -163,14 +164,14 @@ def _syntax(message: str, text: str) -> str:
             return f"{place}: {line} is one of several tables; write [[{table}]]"
         before = f"in line {first}" if first < number else "by a key"
         return f"{place}: {line} is there already, {before}; put its keys under one heading"
-    # The parser writes the names of a table as a tuple of Python.
+    # The parser writes the names of a table as a Python tuple.
     what = re.sub(r"\('(.+?)',?\)", lambda names: names[1].replace("', '", "."), what)
     return f"{place}: {what}: {line}"
 
 
 def _is_listed(table: str) -> bool:
-    """Return whether a case may have several tables of a name, "cooling.surface"."""
-    from castfem.model.case import Case  # it needs this module itself
+    """Return whether a case may have several tables of this name, such as "cooling.surface"."""
+    from castfem.model.case import Case  # circular import
     from castfem.model.problems import tables
     from castfem.model.tensile import TensileCase
 
@@ -179,15 +180,15 @@ def _is_listed(table: str) -> bool:
 
 
 def _heading(line: str) -> str:
-    """Return the name of the table that a line begins, "mould.tube"; "" if it begins none."""
+    """Return the name of the table whose heading a line is ("mould.tube"), else ""."""
     found = re.match(r"\s*\[\[?([^\[\]]+)\]", line)
     return re.sub(r"\s", "", found[1]) if found else ""
 
 
 def _anchor(data: dict[str, Any], folder: Path) -> None:
-    """Make the paths written in a file independent of where castfem is started.
+    """Make the paths in a file independent of the folder in which castfem is started.
 
-    Those are the names of property files (`PROPERTY_FILES`), the rolls of a machine, the database
+    These are the names of property files (`PROPERTY_FILES`), the rolls of a machine, the database
     of a steel and every `file` of a table.
     """
     for table, key in PROPERTY_FILES:
@@ -202,12 +203,12 @@ def _anchor(data: dict[str, Any], folder: Path) -> None:
 
 
 def is_path(name: str) -> bool:
-    """Return whether the name of a property set is that of a file, not of a shipped set."""
+    """Return whether the name of a property set is a file, not a shipped set."""
     return name.endswith(".toml") or "/" in name or name.startswith(".")
 
 
 def anchored_set(name: str, folder: Path) -> str:
-    """Return the absolute path of a property file; the name of a shipped set as it is."""
+    """Return the absolute path of a property file; the name of a shipped set is unchanged."""
     return os.path.abspath(folder / name) if is_path(name) else name
 
 
@@ -225,7 +226,7 @@ def _anchor_files(value: Any, folder: Path) -> None:
 def _merge(
     document: Document, under: dict[str, Any], over: dict[str, Any], path: Keys, label: str
 ) -> None:
-    """Merge the table `over`, which stands in the file `label`, into `under` at `path`."""
+    """Merge the table `over` from the file `label` into `under` at `path`."""
     _exclude(under, over, path)
     changed = any(kind in over and over[kind] != under.get(kind) for kind in _KINDS)
     if changed and path not in _MANY_SIDED:
@@ -253,7 +254,7 @@ def _merge(
 
 
 def _write_out(document: Document, under: dict[str, Any], path: Keys) -> None:
-    """Make a table of a word that stands for one, for keys that come to join it."""
+    """Replace a word by the table it stands for, so that keys can be added."""
     word = under.get(str(path[-1]))
     if path in _ONE_WORD and isinstance(word, str):
         under[str(path[-1])] = {_ONE_WORD[path]: word}
@@ -261,30 +262,30 @@ def _write_out(document: Document, under: dict[str, Any], path: Keys) -> None:
 
 
 def _exclude(under: dict[str, Any], keys: Collection[str], path: Keys) -> None:
-    """Drop from the table `under` at `path` what new keys in it exclude."""
+    """Drop from the table `under` at `path` the keys that new keys exclude."""
     for where, one, other in _EXCLUSIVE:
         if _any_entry(path) == where and (one in keys) != (other in keys):
             under.pop(other if one in keys else one, None)
 
 
 def _any_entry(path: Keys) -> Keys:
-    """A path, with any entry of an array for its numbers."""
+    """Return a path with its array indices replaced by "any entry"."""
     return tuple(_EACH if isinstance(step, int) else step for step in path)
 
 
 def _forget(document: Document, path: Keys) -> None:
-    """Drop what is known of the origins at and below a path."""
+    """Drop the recorded origins at and below a path."""
     for places in (document.origins, document.joined):
         for known in [k for k in places if k[: len(path)] == path]:
             del places[known]
 
 
 def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[str]) -> None:
-    """Do what can be done only when all keys of a layer (a file, `--set`, a script) are in.
+    """Complete a layer (a file, `--set`, a script) once all its keys have been merged.
 
     Args:
-        document: With the keys of the layer.
-        before: Its tables before them.
+        document: Includes the keys of the layer.
+        before: The tables before the layer.
         labels: Origins of the layer's keys.
     """
 
@@ -302,8 +303,8 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
         listed = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
         shape = document.data["section"]["shape"]
         document.left_out.append(
-            f'{where}: section.shape: "{shape}" does not know what was inherited, which is left '
-            f"out: {', '.join(listed)}"
+            f'{where}: section.shape: "{shape}" does not have these inherited keys, which '
+            f"are left out: {', '.join(listed)}"
         )
     layers.mark(before, document.data)
 
@@ -314,9 +315,9 @@ def override(
     """Apply `a.b.0.c=value` assignments; values are TOML, or else taken as text.
 
     Args:
-        document: What is changed; what is wrong with an assignment is noted in its `faults`.
-        assignments: As the user wrote them.
-        meant: The dotted key that one without dots stands for; raises ValueError if none does.
+        document: The document to change; faulty assignments are recorded in its `faults`.
+        assignments: As written by the user.
+        meant: Returns the dotted key for a name without dots; raises ValueError if there is none.
     """
     before = copy.deepcopy(document.data)
     for assignment in assignments:
@@ -340,15 +341,15 @@ def override(
     entitle(document)
 
 
-_NAMED = 3  # changes in a title at most
-_WIDE, _LONG = 110, 48  # characters of a title with further changes, and of one change
-_LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
-# Keys, and what is below them, that change no result.
+_NAMED = 3  # largest number of changes in a title
+_WIDE, _LONG = 110, 48  # characters of a title with changes, and of one change
+_LESS_NEWS = ("mesh", "thermal", "coupling")  # changes of accuracy only
+# Keys, with all below them, that change no result.
 _NO_NEWS = ("title", "output", "reference", "verification", "optimise", "caster")
 
 
 def entitle(document: Document) -> None:
-    """Say in the title what was changed, unless that was: it heads tables and pictures.
+    """Add the changes to the title, which heads tables and pictures, unless it was changed itself.
 
     The first change is named, others as far as there is room; the rest are counted.
     """
@@ -368,7 +369,7 @@ def entitle(document: Document) -> None:
 
 
 def put(document: Document, key: str, value: Any, label: str) -> None:
-    """Set one dotted key in the document; note in `faults` if there is no such place."""
+    """Set one dotted key in the document; record in `faults` if there is no such key."""
     parts = [part.strip() for part in key.split(".")]
     place: Any = document.data
     path: Keys = ()

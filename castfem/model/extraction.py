@@ -1,4 +1,4 @@
-"""The table [machine.extraction]: what rolls resist to the strand, and how it shares its drives.
+"""The table [machine.extraction]: resistance of the rolls, and how the drives share it.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -33,18 +33,18 @@ FrictionCoefficient = Annotated[
 
 
 class Extraction(TableModel):
-    """What the rolls resist with; the drives of the machine share it (thesis III.1.3, VI.2.3)."""
+    """Resistance of the rolls, shared by the drives of the machine (thesis III.1.3, VI.2.3)."""
 
     resistance: ResistanceOverPosition = Field(examples=[{"file": "resistance.csv"}])
-    """resistance of all rolls from the first to a position, as a maker gives it, with the work of
-    bending in it; or "coupled": from the forces on the rolls in the run"""
+    """cumulative resistance of all rolls from the first one to a position, as given by a maker,
+    bending included; or "coupled": from the roll forces of the run"""
     friction_axis: FrictionCoefficient = 0.015
-    """friction at the axes of the rolls (eq. 46)"""
+    """friction coefficient at the axes of the rolls (eq. 46)"""
     friction_surface: FrictionCoefficient = 0.3
-    """friction between strand and a roll that is locked (eq. 45)"""
+    """friction coefficient between strand and a locked roll (eq. 45)"""
     bending: Literal["equilibrium", "hinges"] = "equilibrium"
-    """of a coupled resistance: force of bending on a pair, from the moments beside it, or M/L at
-    each by itself (eq. 320)"""
+    """bending force on a pair in a coupled resistance: equilibrium, from the moments of the
+    neighbouring pairs; hinges, M/L at each pair by itself (eq. 320)"""
 
 
 @check("machine.extraction")
@@ -62,7 +62,7 @@ def _draws(case: Case, table: Extraction) -> Faults:
 
 @check("machine.extraction")
 def _resistance(case: Case, table: Extraction) -> Faults:
-    """Yield a resistance that is no curve, or falls."""
+    """Report a resistance that is not a curve, or decreases."""
     curve = table.resistance
     if isinstance(curve, float | int):
         fix = 'such as { file = "resistance.csv" }, or "coupled"'
@@ -82,7 +82,7 @@ def _resistance(case: Case, table: Extraction) -> Faults:
 
 @check("machine.extraction")
 def _twice(case: Case, table: Extraction) -> Faults:
-    """Yield forces that would be counted twice."""
+    """Report forces that would be counted twice."""
     if case.mechanics is None or not case.bends:
         return
     planes = case.mechanics.planes
@@ -105,7 +105,7 @@ def _twice(case: Case, table: Extraction) -> Faults:
 
 @caution("machine.extraction")
 def _leaves_out(case: Case, table: Extraction) -> Faults:
-    """Yield a curve of the resistance that leaves out pairs of the machine."""
+    """Report a resistance curve that does not reach all pairs of the machine."""
     rolls = None if case.machine is None else case.machine.normal()
     if rolls is None or not isinstance(table.resistance, Table):
         return
@@ -113,7 +113,7 @@ def _leaves_out(case: Case, table: Extraction) -> Faults:
 
     places, rows = [pair.position for pair in rolls.pairs], table.resistance.arguments
     steps, hair = steps_of(table.resistance, places), ROUNDING * max(1.0, places[-1])
-    ends = (places[0], *places)  # where each pair's part of the curve begins
+    ends = (places[0], *places)  # where the part of the curve of each pair begins
     above = [i for i, place in enumerate(places) if place <= rows[0] + hair and not steps[i]]
     below = [i for i, start in enumerate(ends[:-1]) if start >= rows[-1] - hair and not steps[i]]
     told = [
@@ -125,6 +125,6 @@ def _leaves_out(case: Case, table: Extraction) -> Faults:
         yield (
             "resistance",
             f"goes from {rows[0]:.4g} to {rows[-1]:.4g} m, the rolls from {places[0]:.4g} to "
-            f"{places[-1]:.4g} m: {' and '.join(told)} resist with nothing; give the curve from "
+            f"{places[-1]:.4g} m: {' and '.join(told)} have no resistance; give the curve from "
             "the first pair to the last",
         )

@@ -1,4 +1,4 @@
-"""What all heat laws of [[cooling]] have, and what they may leave to the rest of the case."""
+"""Base classes of the heat laws of [[cooling]], and the parts of the case they may use."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ GAP = "distance between strand and wall"
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Where a law holds."""
+    """Region where a law holds."""
 
     start: float  #: from the meniscus, m
-    end: float  #: likewise, of its whole zone
-    perimeter: float  #: of its groups on the whole strand, m
+    end: float  #: from the meniscus, of the whole zone, m
+    perimeter: float  #: length of its boundary groups on the whole strand, m
 
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What a heat law may leave to the rest of the case."""
+    """Data of the rest of the case that a heat law may need."""
 
-    steel: Steel  #: of the strand
-    machine: Machine  #: when the slice is where
-    #: temperature of the mould's wall as the slice passes it, K, over time in s; None if the case
+    steel: Steel  #: steel of the strand
+    machine: Machine  #: gives the time at which the slice reaches a position
+    #: temperature of the mould wall as the slice passes it, K, over time in s; None if the case
     #: gives none
     wall: float | Callable[[float], float] | None = None
-    #: where the law holds; None for one that does not ask (`HeatLaw.asks_extent`)
+    #: where the law holds; None unless the law asks for it (`HeatLaw.asks_extent`)
     extent: Extent | None = None
-    water: Water | None = None  #: of the whole strand; None where the case does not tell it
-    supply: Supply | None = None  #: of water; None for a law that does not ask
+    water: Water | None = None  #: water of the whole strand; None if the case does not give it
+    supply: Supply | None = None  #: water supply; None unless the law needs it
     clock: float = 0.0  #: when the slice leaves the meniscus, on the clock of flows over time, s
 
     def supplied(self, told: Watered) -> float | Table:
@@ -58,41 +58,42 @@ class Surroundings:
         return self.supply.flow(told)
 
     def over_time(self, given: str | float | Table) -> mould_flux.Value:
-        """Return a number, a table of what the slice meets, or a named flux, over time in s."""
+        """Return a number, a table or a named flux as a number or function of time in s."""
         if isinstance(given, str):
             return MOULD_FLUXES[given].formula
         return over_time(given, self.machine) if isinstance(given, Table) else given
 
 
 class HeatLaw(Variants):
-    """What every heat law has; a new one is a subclass with its own `law` and `build`."""
+    """Base of the heat laws; a new one is a subclass with its own `law` and `build`."""
 
     tag_key = "law"
     kinds: ClassVar[dict[str, Any]] = {}
     crosses_gap: ClassVar[bool] = False
-    """Whether it crosses the gap of contact beside it, (35)-(36), rather than add to it."""
+    """Whether it acts across the gap of the contact beside it, (35)-(36), instead of adding to it.
+    """
     called: ClassVar[str] = ""
-    """What a sentence calls it; by default as the case file does."""
+    """Its name in messages; by default the name in the case file."""
 
     on: tuple[str, ...] | None = Field(None, min_length=1)
-    """boundary groups it holds on; a name also stands for all groups that begin with it; by default
-    the whole outer surface"""
+    """boundary groups on which it holds; a name also matches all groups that begin with it; by
+    default the whole outer surface"""
 
     @abstractmethod
     def build(self, around: Surroundings) -> flux_laws.SurfaceLaw | flux_laws.PrescribedTemperature:
-        """Return the law as arrays in, flux out.
+        """Return the surface law, which takes arrays and returns the flux.
 
         Raises:
-            InputError: The rest of the case lacks what the law leaves to it.
+            InputError: The rest of the case lacks data that the law needs.
         """
 
     @property
     def asks_extent(self) -> bool:
-        """Whether it must know how much of the strand it holds on (`Surroundings.extent`)."""
+        """Whether it needs the area on which it holds (`Surroundings.extent`)."""
         return False
 
     def milestones(self, around: Surroundings) -> tuple[float, ...]:
-        """Return the instants at which what it is given changes its slope in time, s."""
+        """Return the instants at which its input changes slope in time, s."""
         given = (getattr(self, key) for key in type(self).model_fields)
         return tuple(kink for value in given for kink in kinks_in_time(value, around))
 
@@ -114,14 +115,14 @@ def times(factor: mould_flux.Value, value: mould_flux.Value) -> mould_flux.Value
 
 
 def no_emissivity(given: object, steel: Steel) -> str:
-    """Return that neither a table nor the steel gives an emissivity; "" where one of them does."""
+    """Return a text if neither a table nor the steel gives an emissivity, else ""."""
     if given is not None or steel.has("emissivity"):
         return ""
     return f"steel {steel.name} has no emissivity; give one, emissivity = 0.8"
 
 
 def no_expansion(steel: Steel) -> str:
-    """Return that the steel has no thermal expansion, which mechanics need; "" where it has."""
+    """Return a text if the steel has no thermal expansion, which mechanics need, else ""."""
     if steel.has("thermal_expansion"):
         return ""
     return (
@@ -151,20 +152,20 @@ class ScaledLaw(HeatLaw):
     """A law whose heat may be scaled to a measured total."""
 
     power: HeatFlow | None = None
-    """heat that the mould takes from the faces of this law in all, on the whole strand and over the
+    """total heat that the mould takes from the faces of this law, on the whole strand and over the
     whole zone; the flux is scaled to it"""
     water: VolumeFlow | None = None
-    """cooling water that takes this heat, instead of power"""
+    """cooling water that takes up this heat, instead of power"""
     water_rise: Rise | None = Field(None, examples=["7 K"])
-    """rise of its temperature, with water"""
+    """temperature rise of the cooling water, with water"""
     measured_at: MeasuredAt | None = Field(None, examples=["2.8 m/min"])
     """casting speed at which this heat, or a flux over position, was measured: at another speed the
     flux is the same after the same time in the mould, so that the total changes; "any speed": the
-    total is the same at every speed, as it is (with a warning where speeds are compared) when this
-    is left out"""
+    total is the same at every speed. Left out: the same, with a warning where speeds are compared
+    """
 
     factor: FactorOverTime | None = None
-    """factor of the coefficient or flux, of a scaled one too; over time by the clock of
+    """factor on the coefficient or flux, also on a scaled one; a table over time uses the clock of
     casting.start.time"""
 
     @property
@@ -173,7 +174,7 @@ class ScaledLaw(HeatLaw):
         return self.scales
 
     def with_factor(self, value: mould_flux.Value, around: Surroundings) -> mould_flux.Value:
-        """Return a value of the law times its factor, which holds by the clock."""
+        """Return a value of the law times its factor, a table of which uses the clock."""
         if self.factor is None:
             return value
         seen = seen_by_slice(self.factor, around.clock)
@@ -181,21 +182,21 @@ class ScaledLaw(HeatLaw):
 
     @property
     def scales(self) -> bool:
-        """Whether its flux is scaled to a total."""
+        """Whether the flux is scaled to a total."""
         return self.power is not None or None not in (self.water, self.water_rise)
 
     @property
     def over_speed(self) -> bool:
-        """Whether its total is a table over the casting speed."""
+        """Whether the total is a table over the casting speed."""
         return any(isinstance(it, Table) for it in (self.power, self.water, self.water_rise))
 
     @property
     def by_dwell_time(self) -> bool:
-        """Whether what was measured at one speed holds at another by the time in the mould."""
+        """Whether a flux measured at one speed is used at others by the time in the mould."""
         return self.measured_at not in (None, ANY_SPEED)
 
     def total(self, speed: float) -> float | None:
-        """The heat it is scaled to at a casting speed (m/s), W; None if it is not scaled."""
+        """Total heat to scale the flux to at a casting speed (m/s), W; None if it is not scaled."""
         if not self.scales:
             return None
         if self.power is not None:
@@ -206,9 +207,9 @@ class ScaledLaw(HeatLaw):
     def scaled(self, given: str | float | Table, around: Surroundings) -> mould_flux.Value:
         """Return a flux over time, scaled to the measured total if there is one.
 
-        A total over the casting speed is taken at the mean speed in the zone. One that was measured
-        at some speed, with this flux, makes a flux over the time since the meniscus at that speed;
-        it holds at others.
+        A total over the casting speed is taken at the mean speed in the zone. A total measured at
+        one speed gives, with this flux, a flux over the time since the meniscus, which is used at
+        all other speeds.
         """
         measured = self._as_measured(around)
         value, extent = measured.over_time(given), around.extent
@@ -228,7 +229,7 @@ class ScaledLaw(HeatLaw):
         return self.with_factor(times(total / heat, value), around)
 
     def kinks(self, given: str | float | Table, around: Surroundings) -> tuple[float, ...]:
-        """Return the instants at which a flux of the law changes its slope in time, s."""
+        """Return the instants at which the flux changes slope in time, s."""
         return kinks_in_time(given, self._as_measured(around))
 
     def milestones(self, around: Surroundings) -> tuple[float, ...]:
@@ -246,16 +247,16 @@ class ScaledLaw(HeatLaw):
         return tuple(found)
 
     curve_key: ClassVar[str] = "value"
-    """The key of the flux that is scaled."""
+    """The key of the flux to scale."""
 
     @property
     def curve(self) -> str | float | Table | None:
-        """The flux that is scaled; None where the law has none."""
+        """The flux to scale; None if the law has none."""
         found: str | float | Table | None = getattr(self, self.curve_key)
         return found
 
     def _as_measured(self, around: Surroundings) -> Surroundings:
-        """Return the surroundings at the speed at which the heat was measured."""
+        """Return the surroundings at the speed of the measurement."""
         if not self.by_dwell_time:
             return around
         assert isinstance(self.measured_at, float), "it is a speed"

@@ -1,11 +1,12 @@
-"""Names of keys in short, where a case leaves no doubt which is meant.
+"""Short names of keys, where a case leaves no doubt which key is meant.
 
-`speed` is `casting.speed`; `cooling.mould.coefficient` is that of the heat law of the zone that has
-one, as `cooling.mould.contact.coefficient` and `cooling.mould.surface.0.coefficient` are.
+`speed` is `casting.speed`. `cooling.mould.coefficient` is the key of the only heat law of the zone
+that has it; `cooling.mould.contact.coefficient` and `cooling.mould.surface.0.coefficient` name the
+law.
 
-Single entries of an inherited array are changed by their names: `[cooling.spray] to = "6 m"`. In a
-zone the keys of its heat laws may stand beside its own, where one law alone has them, or in a table
-with the name of the law, `[cooling.spray.radiation]`, as behind `--set`.
+Single entries of an inherited array are changed by name: `[cooling.spray] to = "6 m"`. In a zone
+the keys of its heat laws may be written beside its own if only one law has them, or in a table with
+the name of the law, `[cooling.spray.radiation]`; `--set` works alike.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from castfem.model.problems import NOT_MEANT, below, model_at, submodels
 
 
 def value_at(data: Mapping[str, Any], key: str) -> Any:
-    """Return what stands under a dotted key, None where nothing does."""
+    """Return the value at a dotted key, None if there is none."""
     place: Any = data
     for part in key.split("."):
         step = step_into(place, part.strip())
@@ -34,7 +35,7 @@ def value_at(data: Mapping[str, Any], key: str) -> Any:
 
 
 def lost(data: Mapping[str, Any], key: str) -> str:
-    """Say why a dotted key leads to no entry of an array; "" where it does not ask for one."""
+    """Say why a dotted key leads to no array entry; "" if it names none."""
     place: Any = data
     path: tuple[str | int, ...] = ()
     for part in key.split("."):
@@ -62,7 +63,7 @@ def step_into(place: Any, part: str) -> str | int | None:
 
 
 def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
-    """Say why `part` leads nowhere in `place`."""
+    """Say why `part` is not found in `place`."""
     where = dotted(path)
     if not isinstance(place, Sequence) or isinstance(place, str):
         example = EXAMPLES.get(str(path[-1])) if path[:-1] == ("mould",) else None
@@ -70,7 +71,7 @@ def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
         return f"{where} is a single value, it has no keys{fix}"
     names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
     named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
-    return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"
+    return f"'{part}' is not an entry of {where}; give an index from 0 to {len(place) - 1}{named}"
 
 
 Keys = tuple[str | int, ...]
@@ -79,14 +80,13 @@ Keys = tuple[str | int, ...]
 def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     """Return the dotted key that `key` stands for in a case.
 
-    A key of the top level, or with dots in it, is returned as it is, known or not; the heat law of
-    a zone, which the latter may leave out or name, is put into it. Any other is looked for in all
-    tables the case has, written or not: [output], of which every key has its default, is there
-    where the file leaves it out. A key that has its default, or of which another one takes the
-    place, counts too.
+    A key of the top level, or with dots, is returned as it is, known or not; if it omits or names
+    the heat law of a zone, its index is put in. Any other name is looked up in all tables of the
+    case, also in [output] if the file omits it, since all its keys have defaults. Keys at their
+    default, or replaced by another one, count too.
 
     Raises:
-        ValueError: No key has this name, or several have; the text names those that may be meant.
+        ValueError: No key has this name, or several have; the text lists the candidates.
     """
     if "." in key:
         return _with_law(root, data, [part.strip() for part in key.split(".")]) or key
@@ -109,7 +109,7 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
 
 
 def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str]) -> str:
-    """Return a key of a zone with the heat law that it leaves out; "" where it leaves out none."""
+    """Return a key of a zone with the omitted heat law; "" if it omits none."""
     zones = data.get("cooling")
     if parts[0] != "cooling" or len(parts) < 3 or not isinstance(zones, list):
         return ""
@@ -135,7 +135,7 @@ def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str])
 
 
 def all_keys(root: type[TableModel], data: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the dotted names of all keys that the tables of a case have, written or not."""
+    """Yield the dotted names of all keys of the tables of a case, whether written or not."""
     yield from (
         name for name in root.model_fields if not submodels(root.model_fields[name].annotation)
     )
@@ -161,7 +161,8 @@ def _keys(
             continue
         if value is None:
             implied = _implied(field)
-            # What is left out at the top ([mechanics], [mould]) is left out of the case.
+            # Optional tables of the top level ([mechanics], [mould]) that are left out are not in
+            # the case.
             left_out = not path and field.default_factory is None
             idle = here == ("coupling",) and "mechanics" not in data
             if implied is not None and not left_out and not idle:
@@ -175,7 +176,7 @@ def _keys(
 
 
 def _implied(field: FieldInfo) -> type[TableModel] | None:
-    """Return the table that a case may have though it is not written: one made of defaults."""
+    """Return the table that a case has without writing it, because it consists of defaults."""
     models = submodels(field.annotation)
     if len(models) != 1 or (field.default_factory is None and field.default is not None):
         return None
@@ -184,7 +185,7 @@ def _implied(field: FieldInfo) -> type[TableModel] | None:
 
 
 def _written(data: Mapping[str, Any], path: Keys) -> str:
-    """Return a path as users write it, entries of arrays by their names where they have one."""
+    """Return a path as users write it: array entries by name where they have one."""
     parts: list[str | int] = []
     place: Any = data
     for part in path:
@@ -197,7 +198,7 @@ def _written(data: Mapping[str, Any], path: Keys) -> str:
 
 
 Merge = Callable[[dict[str, Any], dict[str, Any], Keys], None]
-_LAWS = "surface"  # of a zone
+_LAWS = "surface"  # array of the heat laws of a zone
 
 
 def are_named(value: Any) -> bool:
@@ -211,12 +212,12 @@ def are_named(value: Any) -> bool:
 
 
 def change(array: list[Any], given: Mapping[str, Any], path: Keys, merge: Merge) -> list[str]:
-    """Change entries of an array; return what is wrong, a line each.
+    """Change entries of an array; return the faults, one line each.
 
     Args:
-        array: Of tables, at `path` of the case.
-        given: By the name or the index of an entry the keys that change in it.
-        path: Of the array.
+        array: Array of tables at `path` of the case.
+        given: The changed keys, by name or index of the entry.
+        path: Path of the array.
         merge: Merges a table into another one at a path.
     """
     problems: list[str] = []

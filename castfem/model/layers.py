@@ -1,16 +1,16 @@
-"""What a later layer of a case (a file that extends, `--set`, a script) does to earlier ones.
+"""How a later layer of a case (an extending file, `--set`, a script) changes earlier ones.
 
-TOML has no null: what an extended file gives cannot be taken away.
+TOML has no null, so a later layer cannot remove what an extended file gives. Hence these rules.
 
-Steel: one that is named later does away with an inherited composition, unless it is computed from
-one and states none itself; a composition that comes later does away with an inherited steel that
-is not computed from one, unless that is a file of the user's.
+Steel: a later name removes an inherited composition, unless the named steel is computed from one
+and states none itself; a later composition replaces an inherited steel that is not computed from
+one, unless that is a file of the user's.
 
-Shape: where a later layer gives another shape of the section, keys of earlier layers that it does
-not know are left out. A key of the same layer, or a later one, was meant, and stays an error.
+Shape: where a later layer changes the shape of the section, keys of earlier layers that the new
+shape does not have are dropped. Such a key in the same or a later layer remains an error.
 
-References: one whose case was changed after it was written is marked, since its number is that of
-the unchanged case.
+References: a reference whose case was changed after it was written is marked, since its number
+belongs to the unchanged case.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from castfem.model.taper import PARTS
 
 Keys = tuple[str, ...]
 COMPUTED = "plain_carbon"
-"""The set taken for a composition that comes after a steel that is not computed from one."""
+"""Steel set used when a composition replaces a steel that is not computed from one."""
 
 
 def settle(
     before: Mapping[str, Any], after: dict[str, Any], inherited: Callable[[Keys], bool]
 ) -> str:
-    """Let the new one of name and composition replace the inherited other; return what was done.
+    """Let a new steel name or composition replace the inherited other; return what was done.
 
     Args:
         before: The tables of the earlier layers.
         after: The same with those of the new layer; its table [steel] is changed.
-        inherited: Whether the value at a path of `after` comes from an earlier layer.
+        inherited: Tells whether the value at a path of `after` comes from an earlier layer.
     """
     old, steel = before.get("steel"), after.get("steel")
     if not isinstance(old, Mapping) or not isinstance(steel, dict):
@@ -52,13 +52,13 @@ def settle(
     if not new or old.get("name") != name or _is_computed(name) is not False:
         return ""
     if name.endswith(".toml"):
-        return ""  # somebody's own numbers are not thrown away: it is refused, with the fix
+        return ""  # a user's own numbers are not dropped silently: refused, with the fix
     steel["name"] = COMPUTED
     return f'"{name}" is not computed from a composition; "{COMPUTED}" is taken for the new one'
 
 
 def _without(steel: dict[str, Any], kept: list[str], name: str) -> str:
-    """Take the inherited amounts out of the table [steel]; return what was done."""
+    """Remove the inherited composition from the table [steel]; return what was done."""
     listed = ", ".join(f"{element} = {steel['composition'][element]}" for element in kept)
     for element in kept:
         del steel["composition"][element]
@@ -68,13 +68,13 @@ def _without(steel: dict[str, Any], kept: list[str], name: str) -> str:
 
 
 def _is_computed(name: str) -> bool | None:
-    """Whether a steel is computed from a composition; None if it cannot be read, told later."""
+    """Whether a steel is computed from a composition; None if it cannot be read."""
     given = _given(name)
     return None if given is None else bool(given.get("from_composition"))
 
 
 def _needs_amounts(name: str) -> bool:
-    """Whether a steel is computed from a composition that it does not state itself."""
+    """Whether a steel is computed from a composition that its file does not give."""
     given = _given(name)
     return given is None or (bool(given.get("from_composition")) and not given.get("composition"))
 
@@ -89,10 +89,10 @@ def _given(name: str) -> dict[str, Any] | None:
 
 
 def unknown(shape: type[Section]) -> Iterator[Keys]:
-    """Yield the keys beside [section] that a shape does not know, the taper's parts one by one."""
+    """Yield the keys outside [section] that a shape does not have, by part of a taper."""
     if not shape.has_corner:
         yield "mesh", "corner_size"
-    if shape is Strip:  # it has no mould at all
+    if shape is Strip:  # no mould at all
         return
     sizes = dict.fromkeys(size for kind in Section.kinds.values() for size in kind.mould_sizes)
     yield from (("mould", size) for size in sizes if size not in shape.mould_sizes)
@@ -103,7 +103,7 @@ def unknown(shape: type[Section]) -> Iterator[Keys]:
 def leave_out(
     before: Mapping[str, Any], after: dict[str, Any], inherited: Callable[[Keys], bool]
 ) -> tuple[str, ...]:
-    """Take out of a document what a shape that has come does not know; return the dotted keys."""
+    """Remove from a document what the new shape does not have; return the dotted keys."""
     name = _shape(after)
     shape = Section.kinds.get(name or "")
     if shape is None or name == _shape(before):
@@ -131,7 +131,7 @@ def _shape(data: Mapping[str, Any]) -> str | None:
     return shape if isinstance(shape, str) else None
 
 
-# Tables and keys that change no result, or only how well it is computed.
+# Tables and keys that change no result, or only its numerical accuracy.
 _NO_PHYSICS = (
     ("title",),
     ("output",),
@@ -146,11 +146,11 @@ _NO_PHYSICS = (
     ("mechanics", "solver"),
     ("tensile", "steps"),
 )
-_LENGTH = ("casting", "length")  # counts where a number holds "at the end"
+_LENGTH = ("casting", "length")  # matters where a number holds "at the end"
 
 
 def mark(before: Mapping[str, Any], after: dict[str, Any]) -> None:
-    """Note in the references of a document which keys were changed since they were written."""
+    """Mark in the references of a document the keys changed since they were written."""
     known = before.get("reference")
     entries = after.get("reference")
     if not isinstance(known, list) or not isinstance(entries, list):
@@ -169,7 +169,7 @@ def _is_numerical(path: tuple[str, ...]) -> bool:
 
 
 def _changed(one: Any, other: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Paths of the values that differ; entries of arrays by their name, or by their index."""
+    """Paths of the values that differ; array entries by name, or else by index."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         for key in dict.fromkeys([*one, *other]):
             yield from _changed(one.get(key), other.get(key), (*path, str(key)))
@@ -186,7 +186,7 @@ def _is_array(value: Any) -> bool:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether two values are one, in whatever units they are written."""
+    """Whether two values are equal, in whatever units they are written."""
     if one == other or not (isinstance(one, str) and isinstance(other, str)):
         return bool(one == other)
     try:

@@ -1,4 +1,4 @@
-"""Loading a case: file, `extends`, overrides, validation, and all problems in one go."""
+"""Loads a case: file, `extends`, overrides, validation; reports all problems at once."""
 
 from __future__ import annotations
 
@@ -46,27 +46,26 @@ AnyCase = Case | TensileCase
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What came of reading a case."""
+    """Result of reading a case."""
 
-    #: the case; with problems, what is sound of it: what is faulty is `UNREADABLE` in it. None if
-    #: not even the files could be read
+    #: the case; if there are problems, faulty values in it are `UNREADABLE`. None if the files
+    #: could not be read
     case: AnyCase | None
     problems: tuple[str, ...]  #: one line each
-    #: where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile test,
-    #: where its material was
+    #: key that selects the steel ("billet.toml: steel"), for messages about it; the material of a
+    #: tensile test
     steel: str = "steel"
-    #: the same for the law of the mechanics ("billet.toml: mechanics.law")
+    #: the key of the law of the mechanics, likewise ("billet.toml: mechanics.law")
     law: str = "mechanics.law"
-    elasticity: str = "mechanics.elasticity"  #: the same for its elasticity
-    #: what a sound case has that was probably not meant, and what a later setting took out of it,
-    #: one line each
+    elasticity: str = "mechanics.elasticity"  #: the key of its elasticity, likewise
+    #: probable mistakes in a sound case, and what a later setting removed from it, one line each
     warnings: tuple[str, ...] = ()
-    line: Callable[[Problem], str] = str  #: puts where it was written before what was found later
+    line: Callable[[Problem], str] = str  #: prefixes a later problem with where its key was written
     origin: Callable[[document.Keys], str] = str  #: file (or "--set") in which a key was written
 
     @property
     def sound(self) -> AnyCase | None:
-        """The case, None if anything of it is faulty."""
+        """The case, None if it has any fault."""
         return None if self.problems else self.case
 
 
@@ -75,17 +74,17 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
 
     Args:
         path: The case file.
-        overrides: Assignments `dotted.key=value`, or of a bare key that only one table of the case
-            has; the value is TOML, or else taken as text.
+        overrides: Assignments `dotted.key=value`; a bare key will do if only one table of the case
+            has it. The value is TOML, or else taken as text.
 
     Raises:
-        InputError: Something is wrong; it holds every problem found, one line each.
+        InputError: The case is faulty; the error holds every problem, one line each.
     """
     return _or_raise(read_case(path, overrides))
 
 
 def load_any(path: str | Path, overrides: Iterable[str] = ()) -> AnyCase:
-    """Read and validate a case file of either kind; as `load_case`."""
+    """Read and validate a case file of either kind, like `load_case`."""
     reading = read_case(path, overrides)
     if reading.sound is None:
         raise InputError(reading.problems)
@@ -93,7 +92,7 @@ def load_any(path: str | Path, overrides: Iterable[str] = ()) -> AnyCase:
 
 
 def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
-    """Read a case file and return what is sound of it with all its problems (see `load_case`)."""
+    """Read a case file; return its sound part and all problems (see `load_case`)."""
     written = document.read(Path(path))
     if written.faults:
         return Reading(None, tuple(written.faults))
@@ -103,13 +102,13 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
 
 
 def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
-    """Validate the tables of a case that was made in memory, written as in a case file."""
+    """Validate the tables of a case made in memory, written as in a case file."""
     sound = _without_none(dict(data))
     return _or_raise(_validate(document.Document(copy.deepcopy(sound), label)))
 
 
 def _without_none(given: Any) -> Any:
-    """Return tables without the keys that are None, which stands for leaving out, at any depth."""
+    """Return nested tables without keys that are None, which means left out."""
     if isinstance(given, dict):
         return {key: _without_none(value) for key, value in given.items() if value is not None}
     return [_without_none(value) for value in given] if isinstance(given, list) else given
@@ -127,7 +126,7 @@ def changed(
         case: The case.
         changes: Dotted or bare key (`castfem.model.key_names`) and new value.
         label: Where the changes were written, for messages.
-        labels: The same by key, of those that were written elsewhere.
+        labels: The same, by key, for changes written elsewhere.
     """
     before = case.document()
     written = document.Document(copy.deepcopy(before), "case")
@@ -150,7 +149,7 @@ def changed(
 
 
 def value_of(case: Case, key: str) -> Any:
-    """Return what a case has under a key, as a case file has it; None where it has nothing."""
+    """Return the value of a case at a key, as a case file has it; None if there is none."""
     data = case.document()
     return key_names.value_at(data, key_names.full_key(Case, data, key))
 
@@ -203,7 +202,7 @@ def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[pro
 
 
 def _repair(data: dict[str, Any], problem: problems.Problem) -> None:
-    """Take an unknown key out of the data, put None for a missing one."""
+    """Remove an unknown key from the data, or put None for a missing one."""
     *above, key = problem.path
     table = problems.at(data, tuple(above))
     if isinstance(table, dict) and problem.kind == "extra_forbidden":
@@ -213,7 +212,7 @@ def _repair(data: dict[str, Any], problem: problems.Problem) -> None:
 
 
 def _line(written: document.Document, problem: problems.Problem) -> str:
-    """Return "file: dotted.key: text"; zones, circuits and nozzles by their names, too."""
+    """Return "file: dotted.key: text", with zones, circuits and nozzles by name."""
     where = problems.dotted(problem.path)
     for array, what in _NAMED:
         entry = problem.path[: len(array) + 1]
@@ -225,11 +224,11 @@ def _line(written: document.Document, problem: problems.Problem) -> str:
 
 
 def portable(case: AnyCase, beside: str) -> tuple[str, dict[str, bytes]]:
-    """Return a case file, and the contents of the property files that belong beside it.
+    """Return a case file and the contents of the property files that it needs beside it.
 
     Returns:
-        TOML as of `resolved_toml`, in which files of the user's are named relative to it:
-        "properties/steel/mine.toml". Those names, and what is to be written under them.
+        TOML like `resolved_toml`, in which the user's files are named relative to it
+        ("properties/steel/mine.toml"), and the contents to write under these names.
 
     Raises:
         InputError: A file cannot be read.
@@ -259,7 +258,7 @@ PHASES_NAME = "phases.csv"
 
 
 def _phases(case: Case) -> PhaseTable:
-    """The table of phases by the database of a case."""
+    """Compute the table of phases from the database of a case."""
     from castfem.physics.materials import load_steel
 
     given = case.steel
@@ -273,11 +272,11 @@ def _phases(case: Case) -> PhaseTable:
 
 _FIX = "; a number is varied: name a key that has one, such as casting.speed"
 _ANY_TEXT = "no number"
-_CHOICE = "; one of "  # how what takes one of some words is refused
+_CHOICE = "; one of "  # part of every message that refuses a word
 
 
 def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> list[str]:
-    """Return why a key cannot have some values, a line each; a fault of several values once."""
+    """Return why a key cannot take some values, one line each; equal faults once."""
     found: list[str] = []
     told: set[str] = set()
     for value in values:
@@ -295,7 +294,7 @@ def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> li
 
 
 def _refused(case: Case, key: str, value: Any, where: str) -> list[str]:
-    """What is wrong with the case that has a value."""
+    """Errors of the case with this value."""
     try:
         changed(case, {key: value}, where)
     except InputError as error:
@@ -305,7 +304,7 @@ def _refused(case: Case, key: str, value: Any, where: str) -> list[str]:
 
 
 def _text_at(case: Case, key: str) -> str | None:
-    """The text that the case has under a key; None of a quantity and of anything else."""
+    """Text value of the case at a key; None for a quantity and anything else."""
     try:
         given = value_of(case, key)
     except ValueError:

@@ -1,7 +1,6 @@
 """The table [machine]: the rolls that guide the strand below its mould.
 
-What reads and checks them (`castfem.physics.machine.rolls`) is imported by a case that has some
-alone.
+`castfem.physics.machine.rolls`, which reads and checks them, is only imported by cases with rolls.
 """
 
 from __future__ import annotations
@@ -64,47 +63,47 @@ class RollTable(Notation):
 
 
 class RollSegment(TableModel):
-    """Pairs of rolls of one pitch and diameter."""
+    """Pairs of rolls with the same pitch and diameter."""
 
     rolls: int = Field(ge=1, strict=True, examples=[8])
     """number of pairs"""
     pitch: Length = Field(examples=["250 mm"])
-    """distance along the strand of each pair from the one before"""
+    """distance along the strand between neighbouring pairs"""
     diameter: Length = Field(examples=["215 mm"])
     """diameter of the rolls"""
     radius: Length | None = Field(None, examples=["8 m"])
-    """radius of the strand at the last pair, to which 1/R goes linearly from the segment before;
-    left out: straight"""
+    """radius of the strand at the last pair; 1/R is linear from the previous segment; left out:
+    straight"""
     aperture: Length | None = Field(None, examples=["222 mm"])
-    """distance of the rolls of a pair; by default the section's height"""
+    """distance between the rolls of a pair; by default the section's height"""
 
 
 class Machine(TableModel):
     """The rolls below the mould, which bend and straighten the strand: `rolls` or `segment`."""
 
     rolls: Annotated[Any, RollTable()] = None
-    """table of the pairs, see docs/machine.md"""
+    """table of the pairs (docs/machine.md)"""
     first: Length | None = Field(None, examples=["900 mm"])
-    """of segments: position of the first pair, from the meniscus"""
+    """with segments: position of the first pair, from the meniscus"""
     radius_of: Literal["extrados", "centreline", "intrados"] = "extrados"
-    """of segments: the face whose radius is given"""
+    """with segments: the face whose radius is given"""
     segment: tuple[RollSegment, ...] = ()
-    """pairs of one pitch and diameter"""
+    """pairs with the same pitch and diameter"""
     extraction: Extraction | None = None
-    """resistance of the rolls, shared by the drives; left out: no effort of it"""
+    """resistance of the rolls, shared by the drives; left out: none"""
 
     defect: tuple[Defect, ...] | None = None
-    """what is wrong with the machine; left out: nothing"""
+    """defects of the machine; left out: none"""
 
     def pairs(self) -> Rolls | None:
-        """Return the rolls with their defects; None while what is needed for them is missing."""
+        """Return the rolls with their defects; None while data needed for them are missing."""
         rolls = self.normal()
         if rolls is None or not self.defect:
             return rolls
         return with_defects(rolls, self.defect)
 
     def normal(self) -> Rolls | None:
-        """Return the rolls without defects; None while what is needed for them is missing."""
+        """Return the rolls without defects; None while data needed for them are missing."""
         if self.rolls is not None or not self.segment or self.first is None:
             found: Rolls | None = self.rolls
             return found
@@ -118,7 +117,7 @@ class Machine(TableModel):
 
 
 def thickness_of(section: Any) -> float | None:
-    """Return the size of a section from extrados to intrados, m; None of one that has none."""
+    """Return the size of a section from extrados to intrados, m; None if it has none."""
     for key in ("height", "diameter"):
         if getattr(section, key, None) is not None:
             return float(getattr(section, key))
@@ -138,7 +137,7 @@ def _has_rolls(case: Case, table: Machine) -> Faults:
 
 @check("machine")
 def _holds(case: Case, table: Machine) -> Faults:
-    """Yield what keeps rolls from holding the strand."""
+    """Report rolls that cannot guide the strand."""
     if isinstance(case.section, Strip):
         yield "", "a strip has no thickness that rolls could hold; leave it out"
     thickness, rolls = thickness_of(case.section), table.normal()
@@ -155,7 +154,7 @@ def _holds(case: Case, table: Machine) -> Faults:
         yield _key(table), text
     width = case.section.outline()[0]
     if rolls.edges is not None and not isinstance(case.section, Rectangle):
-        other = f"a {case.section.tag} has no narrow faces that rolls could bear"
+        other = f"a {case.section.tag} has no narrow faces that rolls could support"
         yield _key(table), f"{rolls.edges.place(0)}: {other}; leave out the rows of side narrow"
     elif rolls.edges is not None and width is not None:
         edges = list(faults(rolls.edges, width, ends, "narrow face"))
@@ -170,8 +169,9 @@ def _key(table: Machine) -> str:
 
 
 def _together(rolls: Rolls, found: Sequence[Fault]) -> Iterator[str]:
-    """Yield faults in words; of more than a few of one kind the first, and how many there are."""
-    kinds, each = [fault.kind for fault in found], 3  # so many of one kind are told one by one
+    """Yield faults as text; of each kind the first few, and how many there are."""
+    # number of faults of a kind that are reported one by one
+    kinds, each = [fault.kind for fault in found], 3
     for i, fault in enumerate(found):
         count = kinds.count(fault.kind)
         if count <= each or fault.kind not in kinds[:i]:
@@ -180,7 +180,7 @@ def _together(rolls: Rolls, found: Sequence[Fault]) -> Iterator[str]:
 
 
 def _impossible_defects(rolls: Rolls, defects: Sequence[Defect], thickness: float) -> Faults:
-    """Yield the defects that leave other rolls no room, each with the first of these."""
+    """Report defects that leave other rolls no room, each with the first such roll."""
     from castfem.physics.machine.rolls import faults
 
     alone = False
@@ -195,7 +195,7 @@ def _impossible_defects(rolls: Rolls, defects: Sequence[Defect], thickness: floa
 
 
 def _no_room(rolls: Rolls, defects: Sequence[Defect], wrong: Fault) -> str:
-    """What is wrong with the rolls as defects leave them, in words."""
+    """Faults of the rolls including their defects, as text."""
     named = " and ".join(dict.fromkeys(str(defect) for defect in defects))
     where, what = rolls.place(wrong.index), wrong.text.rpartition("; ")[0]
     return f"with {named} the strand is bent too sharply: {where}: {what}; move it less"
@@ -203,7 +203,7 @@ def _no_room(rolls: Rolls, defects: Sequence[Defect], wrong: Fault) -> str:
 
 @caution("machine")
 def machine_warnings(case: Case, table: Machine) -> Faults:
-    """Yield what rolls of a sound case have that was probably not meant."""
+    """Report unusual rolls of a sound case."""
     thickness, normal, rolls = thickness_of(case.section), table.normal(), table.pairs()
     if normal is None or rolls is None or thickness is None:
         return
@@ -218,7 +218,7 @@ def machine_warnings(case: Case, table: Machine) -> Faults:
 
 @caution("machine")
 def _edge_rolls(case: Case, table: Machine) -> Faults:
-    """Yield rolls at the narrow faces that do not fit the width, or that bear nothing."""
+    """Report rolls at the narrow faces that do not fit the width, or that carry no load."""
     rolls = table.normal()
     bulging = None if case.mechanics is None else case.mechanics.bulging
     if rolls is None or rolls.edges is None:
@@ -229,13 +229,13 @@ def _edge_rolls(case: Case, table: Machine) -> Faults:
     if case.mechanics is None:
         return
     if bulging is None or not bulging.bears:
-        fix = 'mechanics.bulging = "creep" has faces that rolls bear'
-        yield _key(table), f"the rolls at the narrow faces bear nothing; {fix}"
+        fix = 'mechanics.bulging = "creep" has faces supported by rolls'
+        yield _key(table), f"the rolls at the narrow faces carry no load; {fix}"
 
 
 @caution("machine")
 def _ends_above(case: Case, table: Machine) -> Faults:
-    """Yield a strand that bulges and is followed by more than a pitch below its last roll."""
+    """Report a bulging strand that is followed by more than a pitch below its last roll."""
     bulging = None if case.mechanics is None else case.mechanics.bulging
     rolls = table.pairs()
     if rolls is None or bulging is None or not bulging.bears or len(rolls.there) < 2:
@@ -251,7 +251,7 @@ def _ends_above(case: Case, table: Machine) -> Faults:
 
 
 def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
-    """Yield what rolls have that was probably not meant."""
+    """Report unusual properties of the rolls."""
     line, last = rolls.line(thickness), rolls.pairs[-1]
     angle = line.inclination(last.position)
     if math.isfinite(last.radius):
@@ -271,7 +271,7 @@ def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
 
 
 def _far(rolls: Rolls, size: float, how: str) -> Iterator[str]:
-    """Yield the first aperture that is more than a tenth off the section's size between rolls."""
+    """Report the first aperture that differs by more than a tenth from the section's size."""
     for i in range(len(rolls.pairs)):
         aperture = rolls.aperture(i, size)
         if abs(aperture / size - 1.0) > 0.1:

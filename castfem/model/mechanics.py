@@ -1,4 +1,4 @@
-"""The tables [mechanics] and [coupling]: what the slice is made of, and how its run is cut up.
+"""The tables [mechanics] and [coupling]: the mechanical problem and its coupling to heat.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -56,16 +56,16 @@ Gradient = Annotated[
 
 
 AXES = {"intrados": 0.5, "centre": 0.0, "extrados": -0.5}
-"""Places of a neutral axis by name: from the middle towards the intrados, over the thickness."""
+"""Positions of a neutral axis by name: from the middle towards the intrados, over the thickness."""
 MOULD_EXIT = "mould_exit"
-"""Place at which mechanics may end, by its name."""
+"""Name of the place where mechanics may end."""
 BENT = ("bending", "straightening")
-"""What the rolls do to the strand where a neutral axis may be imposed in two places."""
+"""Regions of the machine for which a neutral axis may be imposed separately."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisMark(Notation):
-    """Annotation of a field that takes the place of a neutral axis."""
+    """Annotation of a field that takes the position of a neutral axis."""
 
     takes: str = (
         '`"free"`, `"intrados"`, `"centre"`, `"extrados"`, or distance from the middle towards '
@@ -73,7 +73,7 @@ class AxisMark(Notation):
     )
 
     def read(self, given: object) -> Any:
-        """Return the word, the distance in m, or both of a table; raise ValueError otherwise."""
+        """Return a word, a distance in m, or both values of a table; raise ValueError otherwise."""
         if isinstance(given, Mapping):
             if set(given) != set(BENT):
                 raise ValueError(
@@ -82,7 +82,9 @@ class AxisMark(Notation):
                 )
             found = {name: self.read(given[name]) for name in BENT}
             if any(place is None or place == FREE for place in found.values()):
-                raise ValueError(f'"{FREE}" goes with the whole way of the strand, or not at all')
+                raise ValueError(
+                    f'"{FREE}" must hold for bending and straightening, or for neither'
+                )
             return found
         if given is None or given == FREE or (isinstance(given, str) and given in AXES):
             return given
@@ -92,7 +94,7 @@ class AxisMark(Notation):
             raise ValueError(f'{error}; or "{FREE}", {choices(AXES)}') from None
 
     def write(self, value: Any) -> Any:
-        """Return what reads back to the same place."""
+        """Return what reads back to the same position."""
         if isinstance(value, Mapping):
             return {name: self.write(place) for name, place in value.items()}
         return _DISTANCE.write(value) if isinstance(value, float) else value
@@ -112,8 +114,9 @@ class AxisMark(Notation):
 class GeneralizedPlaneStrain(TableModel):
     """Degrees of freedom of the two planes that bound the slice: e = 1 + a0 + a1 x + a2 y (37).
 
-    Each is free, or imposed as a value or a table over time; what the section's symmetry
-    excludes stays zero. Where the rolls of [machine] bend the strand they give a2 for a0, (41).
+    Each is free, or imposed as a value or a table over time; those excluded by the symmetry of the
+    section stay zero. Where the rolls of [machine] bend the strand they prescribe a2 as a function
+    of a0, (41).
     """
 
     a0: AxialStrain = Field("free", examples=["free", 0.0])
@@ -131,21 +134,21 @@ class GeneralizedPlaneStrain(TableModel):
     moment_y: MomentOfTime = written("0 kN m")
     """external moment with y, on the whole strand"""
     neutral_axis: Annotated[Any, AxisMark()] = Field(None, examples=["free"])
-    """of a strand that its machine bends: where the thickness of the slice stays 1 (eq. 42-44); by
-    default free, found by equilibrium"""
+    """with a bending machine: where the thickness of the slice stays 1 (eq. 42-44); by default
+    free, found by equilibrium"""
     closing: Literal["tangential", "axial"] | None = Field(None, examples=["tangential"])
-    """of a strand that its machine bends: what the force balances, N - kM, from which the work of
-    bending is taken, or N alone as in the thesis; by default tangential"""
+    """with a bending machine: the force in the axial equilibrium. tangential: N - kM, which gives
+    the work of bending; axial: N alone, as in the thesis; by default tangential"""
     force_contains_bending: bool | None = Field(None, examples=[True])
-    """whether the force, as a measured one, has the work of bending in it; asked for where a table
-    over position is closed tangentially, else false"""
+    """whether the force, such as a measured one, contains the work of bending; required for a table
+    over position with tangential closing, otherwise false"""
 
 
 class GivenDisplacement(TableModel):
-    """A displacement given on boundary groups, beside the lines of symmetry."""
+    """A displacement prescribed on boundary groups, besides the lines of symmetry."""
 
     on: tuple[str, ...] = Field(min_length=1)
-    """boundary groups; a name also stands for all groups that begin with it"""
+    """boundary groups; a name also matches all groups that begin with it"""
     component: Literal["x", "y"]
     """direction of the displacement"""
     value: DisplacementOfTime = written("0 mm")
@@ -159,53 +162,53 @@ class Mechanics(TableModel):
     """constitutive law: a set shipped with castfem, or a TOML file of your own, relative to this
     file"""
     elasticity: str | None = Field(None, examples=["elastic_steel"])
-    """Young's modulus and Poisson's ratio: a shipped set or a TOML file; by default each is the
-    steel's own, where it has one, or else that of elastic_steel"""
+    """Young's modulus and Poisson's ratio: a shipped set or a TOML file; by default those of the
+    steel, where it has them, else those of elastic_steel"""
     liquid_stiffness: Ratio = 1e-5
-    """Young's modulus over that of the solid of liquid that is elastic, and of what a mushy zone
-    begins with (mush)"""
+    """Young's modulus of elastic liquid over that of the solid; the modulus of the mushy zone
+    begins there, too (mush)"""
     liquid: Literal["fed", "elastic"] = "fed"
-    """fed: the liquid flows in from above where the shell moves away and carries its pressure
-    alone; elastic: a soft body, as in the thesis (V.1.6), which holds the shell"""
+    """fed: liquid flows in from above where the shell moves away, and carries only its pressure;
+    elastic: a soft elastic body that supports the shell, as in the thesis (V.1.6)"""
     mush: MushyZone | None = Field(None, examples=["skeleton"])
-    """what the mushy zone bears. skeleton: stiffness and flow stress of the solid, in proportion to
-    the solid fraction above coherency; geometric, linear: a modulus that goes so with the solid
-    fraction; none: no more than the liquid. By default skeleton where the liquid is fed (none with
-    coherency = 0), geometric where it is elastic"""
+    """stiffness of the mushy zone. skeleton: stiffness and flow stress of the solid, in proportion
+    to the solid fraction above coherency; geometric, linear: the modulus is interpolated in the
+    solid fraction in this way; none: as the liquid. By default skeleton with fed liquid (none with
+    coherency = 0), geometric with elastic liquid"""
     coherency: Solid | None = Field(
         None,
         description="solid fraction up to which the mushy zone is as soft as the liquid. By "
         f"default {ZERO_STRENGTH:g} of a skeleton, else 0",
     )
     ferrostatic: Literal["proportional", "full", "none", "off"] = "full"
-    """pressure of the liquid in the mushy zone: full until all is solid, for the liquid between the
-    crystals bears it; proportional to the liquid (eq. 219); none as soon as anything is solid; off:
-    no pressure at all"""
+    """pressure of the liquid in the mushy zone. full: until all is solid, since the liquid between
+    the crystals transmits it; proportional: to the liquid fraction (eq. 219); none: only in pure
+    liquid; off: no pressure at all"""
     until: Annotated[float | str, OrWord(_LENGTH, (MOULD_EXIT,))] | None = Field(
         None, examples=["1 m", "mould_exit"]
     )
-    """where the mechanics end: position of the slice, or mould_exit. Below it the run goes on with
-    the temperature alone, through the slice in the shape that it has there; left out: they go on to
-    the end"""
+    """where the mechanics end: a position of the slice, or mould_exit. Below it the run goes on
+    with the temperature alone, in the shape that the slice has there; left out: at the end of the
+    run"""
     strain: Literal["small", "large"] = "small"
-    """small strain, or an objective update on the deformed slice"""
+    """small strain, or large with an objective update on the deformed slice"""
     tolerance: Tolerance = 1e-8
-    """forces left unbalanced, relative to the stress there is"""
+    """residual forces, relative to those of the stress"""
     planes: GeneralizedPlaneStrain = Field(
         default_factory=lambda: GeneralizedPlaneStrain.model_validate({})
     )
     """degrees of freedom of generalized plane strain"""
     bulging: Annotated[Bulging, OneWord("model", MODELS)] | None = None
-    """how the wide faces bulge between the rolls of [machine], which bear them; left out: they are
-    not borne"""
+    """how the wide faces bulge between the rolls of [machine], which support them; left out: not
+    supported"""
     held: tuple[GivenDisplacement, ...] = ()
-    """displacements given on the surface"""
+    """displacements prescribed on the surface"""
     solver: dict[str, PetscOption] = Field(default_factory=dict)
-    """PETSc options of the nonlinear solver, merged over ours"""
+    """PETSc options of the nonlinear solver; they take precedence over castfem's"""
 
     @property
     def mushy_zone(self) -> MushyZone:
-        """What the mushy zone bears, `mush` or its default."""
+        """The model of the mushy zone, `mush` or its default."""
         if self.mush is not None:
             return self.mush
         if self.liquid == "elastic":
@@ -214,20 +217,20 @@ class Mechanics(TableModel):
 
     @property
     def coherent_from(self) -> float:
-        """Solid fraction from which the mushy zone bears anything, `coherency` or its default."""
+        """Solid fraction above which the mushy zone carries stress, `coherency` or its default."""
         if self.coherency is not None:
             return self.coherency
         return ZERO_STRENGTH if self.mushy_zone == "skeleton" else 0.0
 
     @property
     def liquid_has_modulus(self) -> bool:
-        """Whether `liquid_stiffness` is of anything: liquid that is fed has no modulus."""
+        """Whether `liquid_stiffness` has an effect: fed liquid has no modulus."""
         return self.liquid == "elastic" or self.mushy_zone in ("geometric", "linear")
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A coupling window that is given by the length of strand that goes by."""
+    """A coupling window given as a length of strand."""
 
     length: float  #: m
 
@@ -261,39 +264,39 @@ class Coupling(TableModel):
     """How the thermal and the mechanical problem are coupled."""
 
     interval: Annotated[float | Way, WindowMark()] = written("0.1 s")
-    """coupling window: time, or length of strand, after which the two exchange temperatures, gap
-    and viscoplastic work"""
+    """coupling window: time, or length of strand, after which the two problems exchange
+    temperatures, gap and viscoplastic work"""
     mechanical_step: Time | None = Field(None, examples=["50 ms"])
-    """longest step of the mechanics within a window; by default they take one"""
+    """longest mechanical step within a window; by default the window"""
     order: Literal["thermal_first", "mechanics_first"] = "thermal_first"
-    """who goes first; mechanics_first strains the slice as if it went on cooling as in the window
-    before (thesis, Fig. 84)"""
+    """which problem is solved first; mechanics_first extrapolates the cooling of the previous
+    window (thesis, Fig. 84)"""
     passes: int = Field(8, ge=1, strict=True)
-    """largest number of coupling iterations in a window: it is repeated until the gap to the mould
-    converges, and cut back if it does not; 1: neither, but windows whose gap has not converged are
-    counted"""
+    """largest number of coupling iterations in a window. A window is iterated until the gap to the
+    mould converges, and shortened if it does not. 1: no iteration; windows whose gap has not
+    converged are counted"""
     settled: PositiveDifference = written("1 K")
-    """tolerance of the coupling iterations: the gap has converged when the gap just computed would
+    """tolerance of the coupling iterations: the gap has converged when the newly computed gap would
     change the surface temperature by less"""
     window_error: PositiveDifference | None = Field(None, examples=["2 K"])
-    """error of the surface temperature allowed in a window whose gap changes; a window with more is
-    cut back, unless it is shorter than 0.1 s and than a fiftieth of the interval; by default 2 K"""
+    """allowed error of the surface temperature in a window whose gap changes; with a larger one the
+    window is shortened, unless it is already shorter than 0.1 s and than a fiftieth of the
+    interval; by default 2 K"""
     growth: Growth | None = Field(None, examples=[8.0])
-    """how many times `interval` a window may grow to between events (rolls, ends of zones, edges of
-    sprays, kinks of the speed), after each of which it begins with `interval`; by default it does
-    not grow"""
+    """largest window as a multiple of `interval`, between events (rolls, ends of zones, edges of
+    sprays, kinks of the speed); after each event the window is `interval` again; by default windows
+    do not grow"""
     strain_error: Tolerance | None = Field(None, examples=[1e-5])
-    """error of the axial strain at the surface allowed in a window that has grown; by default
-    1e-5"""
+    """allowed error of the axial strain at the surface in a window that has grown; by default 1e-5
+    """
     follow_shape: bool = True
-    """whether heat flows through the slice as it has moved, out of the surface it has now (thesis
-    IV); false: through the undeformed one"""
+    """whether heat is computed on the deformed slice (thesis IV); false: on the undeformed one"""
     dissipation: Share = 1.0
-    """share of the viscoplastic work that becomes heat; 0: it is left out"""
+    """fraction of the viscoplastic work that becomes heat; 0: none"""
 
 
 def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the free generalized strains; by default a1 and a2 as far as `allowed`."""
+    """Names of the free generalized strains; by default a0, and a1 and a2 as far as `allowed`."""
     given = {name: getattr(planes, name) for name in ("a0", "a1", "a2", "across")}
     return tuple(
         name
@@ -309,7 +312,7 @@ def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
     if table.liquid == "fed" and table.ferrostatic in ("off", "none"):
         text = f'("{table.ferrostatic}"): nothing holds liquid that is fed at the wall of a mould'
         yield "ferrostatic", f'{text}; give ferrostatic = "full", or liquid = "elastic"'
-    least = 1e-6  # of the solid: liquid that keeps its shape at large strain
+    least = 1e-6  # relative to the solid: the liquid keeps its shape at large strain
     soft = table.liquid_has_modulus and table.liquid_stiffness < least
     if soft and table.strain == "large":
         text = f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain"
@@ -323,7 +326,7 @@ def _solver(case: Case, table: Mechanics) -> Faults:
 
 @check("mechanics")
 def _until(case: Case, table: Mechanics) -> Faults:
-    """Yield what does not go with mechanics that end before the run does."""
+    """Report what cannot be combined with mechanics that end before the run does."""
     if table.until is None:
         return
     for what, there in _below(case, table):
@@ -351,7 +354,7 @@ def _until(case: Case, table: Mechanics) -> Faults:
 
 
 def _below(case: Case, mechanics: Mechanics) -> Iterator[tuple[str, bool]]:
-    """Yield what is of the strand below the end of its mechanics, and whether the case has it."""
+    """Yield what needs mechanics to the end of the strand, and whether the case has it."""
     bulging, machine = mechanics.bulging, case.machine
     yield "mechanics.bulging", bulging is not None and bulging.model not in (None, "none")
     yield "[machine.extraction]", machine is not None and machine.extraction is not None

@@ -34,52 +34,53 @@ CornerShare = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sam
 
 
 class CopperThermocouples(TableModel):
-    """A row of thermocouples in the copper, one below the other, for `castfem calibrate`."""
+    """A vertical row of thermocouples in the copper, for `castfem calibrate`."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
     """name of the row; NAME.temperature is its column in a file of measurements"""
     depth: Distance = Field(examples=["5 mm"])
     """distance from the hot face"""
     way: Distance = written("0 mm")
-    """place round the wall: its length at the meniscus from the middle of the right-hand face"""
+    """position round the wall: length at the meniscus from the middle of the right-hand face"""
 
 
 class MouldTube(TableModel):
-    """The copper tube of a mould, for its distortion by heat; the length is the mould's."""
+    """The copper tube of the mould, for its thermal distortion; as long as the mould."""
 
     thickness: Length = Field(examples=["10 mm"])
-    """of the wall"""
+    """wall thickness"""
     above: Distance = written("100 mm")
-    """how far it goes on above the meniscus"""
+    """length above the meniscus"""
     support: Literal["free", "hung", "clamped", "between"] = "hung"
-    """hung: its upper end is held along the mould; clamped: in all directions; between: both ends
-    along the mould; free: not at all"""
+    """support of the tube. hung: the upper end is fixed along the mould; clamped: the upper end is
+    fixed in all directions; between: both ends are fixed along the mould; free: not at all"""
     flux: FluxOfPosition | None = Field(None, examples=["2 MW/m^2"])
-    """into the hot face below the meniscus; by default that of the strand, which is run for it"""
+    """heat flux into the hot face below the meniscus; by default that of the strand, which is
+    computed first"""
     corner_flux: CornerShare = 1.0
-    """flux on the arcs of the corners over that at mid-face; of a given flux"""
+    """flux on the arcs of the corners over that at mid-face, for a given flux"""
     corner_reach: Length = written("20 mm")
-    """length of face over which it falls to that"""
+    """length of face over which the flux falls to that of the corner"""
     water_coefficient: CoefficientOfPosition = written("30000 W/(m^2 K)")
-    """heat transfer to the cooling water"""
+    """heat transfer coefficient of the cooling water"""
     water_temperature: TemperatureOfPosition = written("40 degC")
-    """of the cooling water"""
+    """temperature of the cooling water"""
     hot_face: TemperatureOfPosition | None = None
-    """temperature of the face towards the strand, below the meniscus, instead of a flux"""
+    """temperature of the face towards the strand, below the meniscus, instead of flux"""
     water_side: TemperatureOfPosition | None = None
-    """temperature of the water side, instead of water"""
+    """temperature of the water side, instead of the water"""
     cells_across: Cells = 2.0
-    """cells through the wall"""
+    """number of cells through the wall"""
     cell_size: Length = written("12 mm")
-    """largest cell round the wall and along it; at the meniscus a third of it"""
+    """largest cell size round the wall and along it; a third of it at the meniscus"""
     solver: Literal["auto", "direct", "multigrid"] = "auto"
-    """of the linear systems; auto: direct where they are small"""
+    """linear solver; auto: direct for small systems"""
     thermocouple: list[CopperThermocouples] = Field(default_factory=list)
-    """thermocouples in the copper; where there are some, a run writes wall_flux.csv"""
+    """thermocouples in the copper; if given, a run writes wall_flux.csv"""
 
     @property
     def heated_by_strand(self) -> bool:
-        """Whether the tube takes the heat of the strand, not that of a table."""
+        """Whether the tube is heated by the strand, not by given values."""
         return self.flux is None and self.hot_face is None
 
 
@@ -102,7 +103,7 @@ def _within_the_wall(case: Case, one: CopperThermocouples) -> Faults:
 
 @check("mould.tube")
 def _bricks(case: Case, table: MouldTube) -> Faults:
-    """Yield cells so small that there would be no end to them."""
+    """Report cells so small that the tube cannot be computed."""
     size, length = table.cell_size, case.mould.length if case.mould is not None else 0.0
     width, height = case.section.outline()
     if table.cells_across % 1.0:
@@ -149,11 +150,11 @@ EXAMPLES = {
     "contact": '{ method = "nitsche", factor = 100 }',
     "friction": '{ law = "coulomb", coefficient = 0.3 }',
 }
-"""Tables within [mould] that one word may stand for, written out."""
+"""Tables of [mould] that one word may replace."""
 
 
 class ContactSettings(TableModel):
-    """How the strand is kept out of the wall: penalty (eq. 239) or Nitsche's method."""
+    """How contact with the wall is enforced: penalty (eq. 239) or Nitsche's method."""
 
     method: Literal["penalty", "nitsche"] = "penalty"
     """method; `contact = "nitsche"` in [mould] says the same in one line"""
@@ -162,17 +163,17 @@ class ContactSettings(TableModel):
 
 
 class Friction(Variants):
-    """What every friction law has; a new one is a subclass with its own `law` and `build`."""
+    """Base of the friction laws; a new one is a subclass with its own `law` and `build`."""
 
     tag_key = "law"
     kinds: ClassVar[dict[str, Any]] = {}
 
     def build(self) -> FrictionLaw | None:
-        """Return the law as the contact asks it, None for a wall without friction."""
+        """Return the law as the contact solver needs it, None for a wall without friction."""
         return None
 
     def problems(self) -> Faults:
-        """Yield what its values cannot be together: keys, and what is wrong."""
+        """Report inconsistent values: key and fault."""
         yield from ()
 
 
@@ -197,13 +198,13 @@ class Coulomb(Friction):
 
 
 class Limited(Friction):
-    """Coulomb, limited where pressure and friction make the surface yield (eq. 233)."""
+    """Coulomb, limited by the yielding of the surface under pressure and friction (eq. 233)."""
 
     law: Literal["limited"]
     coefficient: FrictionCoefficient
     """friction stress over pressure"""
     yield_stress: Stress
-    """yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"""
+    """yield stress p0 of the weaker material, sqrt(p^2 + 3 tau^2) <= p0"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -213,15 +214,15 @@ class Limited(Friction):
 
 
 class Tresca(Friction):
-    """Tresca: the friction stress is at most a share of the yield stress (eq. 234, 235)."""
+    """Tresca: the friction stress is at most a fraction of the yield stress (eq. 234, 235)."""
 
     law: Literal["tresca"]
     share: Share
     """share m in m p0 / sqrt(3)"""
     yield_stress: Stress
-    """yield stress p0 of the weaker of the two"""
+    """yield stress p0 of the weaker material"""
     steepest: PositiveNumber = 1.0
-    """the friction stress is at most this many times the pressure"""
+    """largest friction stress over pressure"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -231,24 +232,25 @@ class Tresca(Friction):
 
 
 class Viscous(Friction):
-    """Friction that goes with a power of the sliding speed, beyond a threshold (eq. 236, 237)."""
+    """Friction as a power of the sliding speed, above a threshold (eq. 236, 237)."""
 
     law: Literal["viscous"]
     stress: Stress = Field(examples=["20 kPa"])
-    """friction stress at the given speed"""
+    """friction stress at the reference speed"""
     speed: Speed = Field(examples=["3.6 m/min"])
-    """sliding speed at which it holds"""
+    """reference sliding speed"""
     exponent: Exponent = 1.0
     """exponent n of the speed"""
     coefficient: FrictionCoefficient = 0.0
-    """friction stress over pressure up to which it sticks; 0: a lubricant"""
+    """friction stress over pressure below which the strand sticks; 0 for a lubricant"""
     yield_stress: Stress | None = None
-    """yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one"""
+    """yield stress p0: above the threshold the stress is at most p0 / sqrt(3); required with a
+    threshold"""
     steepest: PositiveNumber = 1.0
-    """beyond the threshold it is at most this many times the pressure"""
+    """largest friction stress over pressure above the threshold"""
 
     def build(self) -> FrictionLaw:
-        """See `Friction.build`; without a yield stress the given stress has no other limit."""
+        """See `Friction.build`; without a yield stress there is no limit from one."""
         from castfem.physics.contact import friction
 
         speed, exponent, steepest = self.speed, self.exponent, self.steepest
@@ -274,35 +276,35 @@ class Viscous(Friction):
 
 
 class Copper(TableModel):
-    """Thermal expansion of the mould, where its sizes are those of the cold mould."""
+    """Thermal expansion of the mould, for sizes given for the cold mould."""
 
     expansion: ExpansionCoefficient = Field(written("17e-6 1/K"), examples=["17e-6 1/K"])
     """mean expansion coefficient"""
     cold: Temperature = Field(written("25 degC"), examples=["25 degC"])
-    """temperature at which the sizes are given"""
+    """temperature at which the sizes hold"""
     temperature: TemperatureOfPosition | None = Field(None, examples=["120 degC"])
-    """mean temperature of the wall over its thickness; by default wall_temperature"""
+    """wall temperature averaged over the thickness; by default wall_temperature"""
     conductivity: ConductivityOfTemperature | None = None
-    """for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)"""
+    """conductivity for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)"""
     mean_expansion: ExpansionOfTemperature | None = None
-    """for [mould.tube]: mean coefficient from 20 degC over temperature; by default that of
-    [Calcutt2001], 16.8e-6 to 17.7e-6 1/K"""
+    """mean expansion coefficient from 20 degC over temperature, for [mould.tube]; by default that
+    of [Calcutt2001], 16.8e-6 to 17.7e-6 1/K"""
     youngs_modulus: ModulusOfTemperature | None = None
-    """for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"""
+    """Young's modulus, for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"""
     poisson: PoissonOfTemperature | None = None
     """Poisson's ratio, for [mould.tube]; by default 0.34"""
 
 
 class Oscillation(TableModel):
-    """How the mould oscillates, a sine; nothing but its numbers is computed from it."""
+    """Sinusoidal oscillation of the mould; only its own numbers are computed from it."""
 
     stroke: Length = Field(examples=["6 mm"])
-    """from the highest to the lowest point"""
+    """distance from the highest to the lowest point"""
     frequency: Frequency = Field(examples=["150 1/min"])
-    """strokes per time"""
+    """strokes per unit of time"""
 
     def negative_strip(self, speed: float) -> float:
-        """Time of each stroke, s, in which the mould goes down faster than a strand at m/s."""
+        """Time of each stroke in which the mould moves down faster than the strand (m/s), s."""
         fastest = math.pi * self.frequency * self.stroke
         if not speed < fastest:
             return 0.0
@@ -310,36 +312,36 @@ class Oscillation(TableModel):
 
 
 class Mould(TableModel):
-    """The rigid mould round the strand; left out: an idealised mould that follows the strand."""
+    """The rigid mould around the slice; left out: an idealised mould that follows the strand."""
 
     length: Length = Field(examples=["600 mm"])
     """from the meniscus to the end of the mould"""
     taper: Annotated[Perimeter, TaperMark()] = Field(written("0 %/m"), examples=["1 %/m"])
-    """relative change of the section's sizes per metre (eq. 300); positive: the mould closes
+    """relative change of the section's sizes per metre (eq. 300); positive if the mould narrows
     downwards"""
     width: Length | None = None
-    """of the cavity at the meniscus; by default that of the strand"""
+    """width of the cavity at the meniscus; by default that of the strand"""
     height: Length | None = None
-    """likewise, in y"""
+    """height of the cavity (y), likewise"""
     diameter: Length | None = None
-    """likewise, of a round"""
+    """diameter of the cavity of a round, likewise"""
     corner_radius: Distance | None = None
-    """of the cavity at the meniscus; by default that of the strand"""
+    """corner radius of the cavity at the meniscus; by default that of the strand"""
     wall_temperature: TemperatureOfPosition | None = Field(None, examples=["160 degC"])
-    """of the face towards the strand, constant or along the mould"""
+    """temperature of the face towards the strand, constant or along the mould"""
     condition: Literal["working", "cold"] = "working"
-    """the mould to which sizes and taper belong: hot as it works, or cold; a cold one is expanded
-    by [mould.copper]"""
-    copper: Copper = Field(default_factory=lambda: Copper.model_validate({}))
-    """thermal expansion of a mould given cold"""
-    displacement: Annotated[WallDisplacement, WallShape()] | None = None
-    """how far the wall at work stands from the cavity of sizes and taper, all round and along;
-    `castfem mould --hot` and `castfem section` write it. Instead of the expansion of
+    """condition in which sizes and taper hold: working (hot) or cold; a cold mould is expanded by
     [mould.copper]"""
+    copper: Copper = Field(default_factory=lambda: Copper.model_validate({}))
+    """thermal expansion of a mould whose cold sizes are given"""
+    displacement: Annotated[WallDisplacement, WallShape()] | None = None
+    """displacement of the working wall from the cavity of sizes and taper, all round and along,
+    instead of the expansion of [mould.copper]; written by `castfem mould --hot` and `castfem
+    section`"""
     tube: MouldTube | None = None
-    """the copper tube, for `castfem mould --hot`; a run has no use for it"""
+    """the copper tube, for `castfem mould --hot`; other commands ignore it"""
     oscillation: Oscillation | None = None
-    """its oscillation"""
+    """oscillation of the mould"""
     contact: Annotated[
         ContactSettings, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])
     ] = Field(default_factory=lambda: ContactSettings.model_validate({}))
@@ -357,7 +359,7 @@ def _friction(case: Any, friction: Friction) -> Faults:
 
 @check("mould.contact")
 def _stable(case: Any, contact: ContactSettings) -> Faults:
-    """Yield a factor with which Nitsche's method cannot solve a strand (docs/contact.md)."""
+    """Report a factor with which Nitsche's method cannot solve a strand (docs/contact.md)."""
     if contact.factor is None or contact.method != "nitsche":
         return
     from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE

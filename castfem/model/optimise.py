@@ -1,4 +1,4 @@
-"""The table [optimise]: what may be changed in a case, what is to become best, what must hold.
+"""The table [optimise]: variables, objective and constraints of `castfem optimise`.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -30,16 +30,16 @@ class Bound:
     """A constraint."""
 
     text: str  #: as written
-    right: str  #: of that, what stands right of the sign
+    right: str  #: its right-hand side
     quantity: str  #: name of the result that is bounded
-    sense: Sense  #: on which side
-    value: float  #: the bound in SI; with `relative` a share of the result in the idealised mould
-    unit: str  #: in which it was written, "" for none
-    relative: bool  #: whether it is such a share
+    sense: Sense  #: whether it bounds from below or above
+    value: float  #: the bound in SI; if `relative`, a fraction of the result in the idealised mould
+    unit: str  #: unit as written, "" for none
+    relative: bool  #: whether the bound is such a fraction
 
     @property
     def sign(self) -> float:
-        """1 where more is better, -1 where less is."""
+        """1 for a lower bound, -1 for an upper one."""
         return 1.0 if self.sense == "at_least" else -1.0
 
 
@@ -49,7 +49,7 @@ def bound(text: str) -> Bound:
     if found is None:
         other = re.search(r"[<>=]+", text)
         fix = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
-        raise ValueError(f"is no constraint; write it{fix} as {_EXAMPLE}")
+        raise ValueError(f"is not a constraint; write it{fix} as {_EXAMPLE}")
     name, sign, right = found.groups()
     share = _SHARE.fullmatch(right)
     if share is None:
@@ -65,12 +65,12 @@ def _constraint(text: str) -> str:
 
 
 def _listed(given: Any) -> Any:
-    """One name may stand for a list of one."""
+    """Return a single name as a list of one."""
     return (given,) if isinstance(given, str) else given
 
 
 def _as_text(given: Any) -> Any:
-    """A number without unit as the text that it would be with one."""
+    """Return a number without unit as the text of a quantity."""
     return repr(given) if isinstance(given, int | float) and given is not True else given
 
 
@@ -109,90 +109,90 @@ Shares = Annotated[tuple[Value, ...], AfterValidator(_checked_shares)]
 
 
 class Variable(TableModel):
-    """A key of the case whose value is looked for, in a range."""
+    """A key of the case to optimise within a range."""
 
     key: str = Field(
         examples=["mould.taper", "mould.taper.corner", "mould.taper.0.taper", "casting.speed"]
     )
-    """dotted key; within a taper by part, or by segment and end"""
+    """dotted key; of a taper also a part, or segment and end"""
     range: Range = Field(examples=[["0 %/m", "3 %/m"]])
     """lowest and highest value, with unit"""
     start: Value | None = None
-    """where the search begins; by default, of a taper, that of the strand in its idealised mould
-    (302), (303), else the value of the case"""
+    """start value; by default, for a taper, that of the strand in its idealised mould (302), (303),
+    otherwise the value of the case"""
 
     @property
     def si(self) -> tuple[float, float, str]:
-        """Both ends of the range in SI, and that unit."""
+        """Both ends of the range in SI, and their SI unit."""
         (low, unit), (high, _) = (units.parse_any(end) for end in self.range)
         return low, high, unit
 
     @property
     def unit(self) -> str:
-        """The unit in which the range is written, "" for none."""
+        """Unit of the range as written, "" for none."""
         return units.split(self.range[0])[1]
 
 
 class Input(TableModel):
-    """A number that is not known exactly: what it may be, every value as likely as another."""
+    """An uncertain number, uniformly distributed over a range."""
 
     key: str = Field(examples=["cooling.mould.surface.0.coefficient", "mechanics.law.strength"])
-    """dotted key, or, where it is relative, a property of the steel or a parameter of the
-    constitutive law or the elasticity"""
+    """dotted key; with `relative` also a property of the steel or a parameter of the constitutive
+    law or the elasticity"""
     range: Range | None = Field(None, examples=[["1500 W/(m^2 K)", "1700 W/(m^2 K)"]])
     """lowest and highest value, with unit"""
     relative: Shares | None = Field(None, examples=[["-10 %", "10 %"]])
-    """or by how much number or table may be smaller and larger"""
+    """range relative to the value of the case, instead of range"""
 
 
 class Front(TableModel):
-    """A second result to be weighed against the first: the front of what can be had of both."""
+    """A second objective: the Pareto front of the two is computed."""
 
     minimise: str | None = Field(None, examples=["mould_gap_max"])
-    """result that is to be small"""
+    """result to minimise"""
     maximise: str | None = Field(None, examples=["heat_removed"])
-    """or one that is to be large"""
+    """or to maximise"""
     points: int = Field(6, ge=3, le=50, strict=True)
-    """of the front, at most"""
+    """largest number of points of the front"""
 
     @property
     def objective(self) -> tuple[str, float]:
-        """The result, and 1 where it is to be small, -1 where large."""
+        """The result, and 1 to minimise it, -1 to maximise it."""
         return (self.minimise, 1.0) if self.minimise is not None else (self.maximise or "", -1.0)
 
 
 class Optimise(TableModel):
-    """What `castfem optimise` looks for: values of some keys with which a result is best."""
+    """Optimisation problem of `castfem optimise`: values of some keys that make a result best."""
 
     minimise: Names = ()
-    """result, as in summary.json, that is to be small"""
+    """result to minimise, named as in summary.json"""
     maximise: Names = ()
-    """likewise, that is to be large"""
+    """result to maximise, likewise"""
     constraints: Constraints = Field(
         (), examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]]
     )
-    """what must hold: result, >= or <=, and a value with unit or a share of what the idealised
-    mould gives"""
+    """constraint: result, >= or <=, and a value with unit or a fraction of the result in the
+    idealised mould"""
     fidelity: Literal["thermal", "coarse", "default", "fine"] = "default"
-    """how well the runs of the search are computed (thermal: temperature alone, without a mould);
-    the best one is run by the others, too, which gives its numerical error"""
+    """accuracy of the runs of the search (thermal: temperature alone, without a mould); the optimum
+    is repeated with the others, which gives its numerical error"""
     method: Literal["cobyqa", "slsqp", "optuna"] = "cobyqa"
-    """cobyqa: from the start downhill; slsqp: likewise, by derivatives that the runs carry along,
-    for three variables or more and a result without kinks (von_mises_smooth); optuna (the extra
-    castfem[optimise]): first with half of the runs all over the ranges, for several valleys and
-    many variables"""
+    """cobyqa: local search from the start; slsqp: local search with derivatives computed in the
+    runs, for three variables or more and a smooth result (von_mises_smooth); optuna (the extra
+    castfem[optimise]): the first half of the runs covers the ranges, for several minima and many
+    variables"""
     most_runs: int = Field(60, ge=1, strict=True)
-    """the search ends when so many runs have been made, at the earliest after those that measure
-    the noise; further ones, often as many again, look about the best run and check it"""
+    """number of runs after which the search ends, at the earliest after those that measure the
+    noise; further runs, often as many again, explore and check the optimum"""
     variable: tuple[Variable, ...] = Field(min_length=1)
-    """the keys whose values are looked for"""
+    """the keys to optimise"""
     input: tuple[Input, ...] = ()
-    """what is not known exactly, and spreads the answer"""
+    """uncertain numbers; the resulting spread of the optimum is computed"""
     samples: int | None = Field(None, ge=8, strict=True, examples=[32])
-    """runs for that spread, at least those that fix its polynomials; by default a few more, fewer
-    where runs carry derivatives"""
+    """runs for that spread, at least as many as the polynomials need; by default a few more, fewer
+    if runs compute derivatives"""
     front: Front | None = None
-    """what is weighed against the result that is to be best"""
+    """second objective"""
 
     @property
     def bounds(self) -> tuple[Bound, ...]:
@@ -201,14 +201,14 @@ class Optimise(TableModel):
 
     @property
     def names(self) -> set[str]:
-        """The results that are looked at."""
+        """Names of all results that the problem uses."""
         front = set() if self.front is None else {self.front.objective[0]}
         bounded = {one.quantity for one in self.bounds}
         return {name for name, _ in self.objectives} | bounded | front
 
     @property
     def objectives(self) -> tuple[tuple[str, float], ...]:
-        """What is to be best: result, and 1 where it is to be small, -1 where large."""
+        """The objectives: result, and 1 to minimise it, -1 to maximise it."""
         return (*((n, 1.0) for n in self.minimise), *((n, -1.0) for n in self.maximise))
 
 
@@ -216,7 +216,7 @@ class Optimise(TableModel):
 def _objectives(case: Case, table: Optimise) -> Faults:
     count = len(table.objectives)
     if count != 1:
-        told = "nothing is to become best" if not count else f"{count} results are to become best"
+        told = "no result to optimise" if not count else f"{count} results to optimise"
         more = ", and weigh it against another by [optimise.front]" if count else ""
         fix = f'give minimise = "von_mises_max" or maximise = "heat_removed", one of them{more}'
         yield "", f"{told}; {fix}"
@@ -228,7 +228,7 @@ def _objectives(case: Case, table: Optimise) -> Faults:
 def _unknown(name: str, key: str) -> Faults:
     if result_registry.unit_of(name) is None:
         near = units.nearest(name, result_registry.result_names())
-        yield key, f'("{name}") is no result of a run{near}'
+        yield key, f'("{name}") is not a result of a run{near}'
 
 
 @check("optimise.front")
@@ -244,7 +244,7 @@ def _front(case: Case, front: Front) -> Faults:
 
 @check("optimise.variable.*")
 def _starts(case: Case, variable: Variable) -> Faults:
-    """Yield a start beyond its range; in other units or none it is refused by the key."""
+    """Report a start outside its range; a wrong unit is reported by the check of the key."""
     if variable.start is None:
         return
     low, high, unit = variable.si

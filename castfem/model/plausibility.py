@@ -1,6 +1,6 @@
-"""What may be meant but seldom is: values of a sound case that look like slips.
+"""Warnings about values of a sound case that are possible but probably mistakes.
 
-A case with them runs; the bounds lie beyond what strands are cast with, not beyond what can be
+A case with such values still runs; the limits are beyond casting practice, not beyond what can be
 computed.
 """
 
@@ -38,7 +38,7 @@ _SIGNED = {
 
 
 def warnings(case: Case) -> Iterator[Problem]:
-    """Yield what a sound case has that was probably not meant."""
+    """Yield warnings about unusual values of a sound case."""
     yield from caution.run(case)
     yield from (replace(problem, inherited=False) for problem in own_caution.run(case))
 
@@ -46,13 +46,14 @@ def warnings(case: Case) -> Iterator[Problem]:
 def warnings_with(
     case: Case, steel: Steel, law_carbon: float | None = None, law: Law | None = None
 ) -> Iterator[Problem]:
-    """Yield what a sound case has that does not fit its steel.
+    """Yield warnings about values of a sound case that do not fit its steel.
 
     Args:
         case: The case.
-        steel: Its steel.
-        law_carbon: wt% C of the steel whose numbers its mechanical law has; None if none is stated.
-        law: That law; None without mechanics.
+        steel: Steel of the case.
+        law_carbon: Carbon content, wt%, of the steel that the mechanical law was fitted to; None if
+            not stated.
+        law: Mechanical law; None without mechanics.
     """
     if steel.left_out:
         names = ", ".join(steel.left_out)
@@ -81,7 +82,8 @@ def warnings_with(
             yield Problem(("mechanics", "law"), text)
         yield from _hardens_for_good(case, law)
         yield from _limit_of_signed_strain(case, law)
-    # A steel computed from its carbon is meant by it; a set of fixed numbers stands for a class.
+    # A composition gives the carbon content exactly; a set of fixed numbers stands for a class of
+    # steels.
     carbon = case.steel.composition.get("C")
     if case.mechanics is None or carbon is None or law_carbon is None:
         return
@@ -95,7 +97,7 @@ def warnings_with(
 
 
 def _hot(case: Case, steel: Steel) -> Iterator[Problem]:
-    """Yield steel that is poured hotter than any is, and a start hotter than it was poured."""
+    """Report an unusually hot pour, and a start hotter than the poured steel."""
     start = case.casting.temperature
     superheat = ranges.RANGES["casting.superheat"]
     if start is not None and start - steel.liquidus > superheat.usual[1]:
@@ -116,7 +118,7 @@ def _hot(case: Case, steel: Steel) -> Iterator[Problem]:
 
 
 def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
-    """Yield a law with which a strip that creeps from roll to roll never repeats itself."""
+    """Report a law with which a strip creeping from roll to roll never becomes periodic."""
     bulging = None if case.mechanics is None else case.mechanics.bulging
     if case.mechanics is None or bulging is None or bulging.model != "creep":
         return
@@ -135,7 +137,7 @@ def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
 
 
 def _limit_of_signed_strain(case: Case, law: Law) -> Iterator[Problem]:
-    """Yield a law whose yield limit goes by a rate that belongs to another direction of flow."""
+    """Report a law whose yield limit uses the strain rate of another direction of flow."""
     from castfem.physics.constitutive.hardening_laws import NortonHoff
 
     if isinstance(law, NortonHoff) and law.signed and law.yield_limit is None and case.mechanics:
@@ -156,14 +158,14 @@ def _long_windows(case: Case, coupling: Coupling) -> Faults:
     speed = max(given.values) if isinstance(given, Table) else given
     fastest = ranges.RANGES["casting.speed"].usual[1]
     length = window.length if isinstance(window, Way) else window * min(speed, fastest)
-    if length > 0.25:  # m of strand: a narrow pitch of rolls, a third of a mould
+    if length > 0.25:  # m of strand: a narrow roll pitch, a third of a mould
         text = f"({length:.4g} m of strand) is longer than what a gap opens or a pitch bulges in"
         yield "interval", f"{text}; 0.1 s or 5 mm is usual"
 
 
 @caution()
 def _short_tables(case: Case, _: object) -> Faults:
-    """Yield heat given over position that ends, while it changes, long before its zone does."""
+    """Report heat tables over position that end, while still changing, long before their zone."""
     start = 0.0
     for index, zone in enumerate(case.cooling):
         end = case.casting.length if zone.to is None else min(zone.to, case.casting.length)
@@ -182,14 +184,15 @@ def _short_tables(case: Case, _: object) -> Faults:
 
 @caution("cooling.*")
 def _nearly_at_rolls(case: Case, zone: Zone) -> Faults:
-    """Yield zones that end beside a roll: what jumps there falls into a window of no length."""
+    """Report zones that end next to a roll, which would make very short windows."""
     rolls = None if case.machine is None else case.machine.pairs()
     if case.mechanics is None or rolls is None or zone.to is None:
         return
     if (end := case.mechanics_end()) is not None and zone.to > end:
         return
     for number, pair in enumerate(rolls.pairs, start=1):
-        if ROUNDING < abs(zone.to - pair.position) < 1e-3:  # m: it was meant to end there
+        # m: the zone was meant to end at the roll
+        if ROUNDING < abs(zone.to - pair.position) < 1e-3:
             yield (
                 "to",
                 f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "
@@ -199,9 +202,9 @@ def _nearly_at_rolls(case: Case, zone: Zone) -> Faults:
 
 @caution("cooling.*.surface.*")
 def _sprays(case: Case, law: HeatLaw) -> Faults:
-    """Yield sprays outside of what their correlation was measured for."""
+    """Report sprays outside the range in which their correlation was measured."""
     if not isinstance(law, Spray) or not law.water:
-        return  # none, or that of the whole zone
+        return  # no water per area, or that of the whole zone
     of = CORRELATIONS[law.correlation]
     low, high = of.water
     if not low <= law.water <= high:
@@ -224,7 +227,7 @@ def _radiates(case: Case, zone: Zone) -> Faults:
 
 @caution("cooling.*")
 def _wasted(case: Case, zone: Zone) -> Faults:
-    """Yield radiation and convection beside contact that has no gap for them to cross."""
+    """Report radiation and convection beside contact without a gap."""
     touching: set[str] = set()
     for law in zone.surface:
         if isinstance(law, Contact) and (law.gap == 0.0 or (law.gap is None and not case.mould)):
@@ -241,7 +244,7 @@ def _wasted(case: Case, zone: Zone) -> Faults:
 
 @caution("cooling.*")
 def _uncooled(case: Case, zone: Zone) -> Faults:
-    """Yield a part of the surface that is left out where the rest of it is cooled."""
+    """Report a part of the surface without cooling where the rest is cooled."""
     cooled = {group for law in zone.surface for group in law_groups(case.section, law)}
     left_out = [group for group in case.section.cooled_groups() if group not in cooled]
     if cooled and left_out:
@@ -254,7 +257,7 @@ def _uncooled(case: Case, zone: Zone) -> Faults:
 
 @caution("mechanics")
 def _elastic(case: Case, table: Mechanics) -> Faults:
-    """Yield moduli of the steel that are changed beside an elasticity of its own name."""
+    """Report changed moduli of the steel beside a named elasticity."""
     for name in ("youngs_modulus", "poisson_ratio"):
         if table.elasticity is not None and name in case.steel.overrides:
             yield (
@@ -265,7 +268,7 @@ def _elastic(case: Case, table: Mechanics) -> Faults:
 
 @caution("mould")
 def _fixed(case: Case, mould: Mould) -> Faults:
-    """Yield heat in the mould that the gap which opens there does not change."""
+    """Report heat in the mould that does not depend on the gap that opens there."""
     start = 0.0
     for number, zone in enumerate(case.cooling):
         if start >= mould.length:
@@ -285,7 +288,7 @@ _REPEATED = ("passes", "settled", "window_error")
 
 
 def _changed(table: TableModel) -> list[str]:
-    """Keys with another value than their default: the case of a run names the defaults, too."""
+    """Keys that differ from the default (a run's case also lists the defaults)."""
     fields = type(table).model_fields
     needed = {name for name, field in fields.items() if field.is_required()}
     plain = type(table).model_validate(table.model_dump(mode="json", include=needed))
@@ -294,7 +297,7 @@ def _changed(table: TableModel) -> list[str]:
 
 @caution()
 def _longest_step(case: Case, _: object) -> Faults:
-    """Yield a step that was asked for and is never taken, since fields are written within it."""
+    """Report a requested step that is never taken, since fields are written within it."""
     time, every = case.thermal.time, case.output_every
     given: dict[tuple[str, ...], float | None] = {("step",): time.step}
     if time.adaptive is not None and "largest" in _changed(time.adaptive):
@@ -310,16 +313,16 @@ def _longest_step(case: Case, _: object) -> Faults:
 
 @caution("casting.start")
 def _clock(case: Case, start: Start) -> Faults:
-    """Yield a start by the clock, where nothing goes by it."""
+    """Report a start time where nothing depends on the clock."""
     if not start.time:
         return
     if not (case.tables_by_clock() or case.output.by_clock):
-        yield "time", "has no effect: no speed, superheat or flow of water is over time"
+        yield "time", "has no effect: no speed, superheat or water flow varies in time"
 
 
 @caution("coupling")
 def _coupling(case: Case, table: Coupling) -> Faults:
-    """Yield keys for windows that are not repeated, or for a coupling that does not exist."""
+    """Report keys for iterated windows without iteration, or for a coupling that does not exist."""
     given = _changed(table)
     if case.mechanics is None:
         for name in given:
@@ -341,7 +344,7 @@ def _coupling(case: Case, table: Coupling) -> Faults:
 
 @own_caution("mechanics")
 def _liquid(case: Case, table: Mechanics) -> Faults:
-    """Yield a modulus of liquid that is fed, where no mushy zone is stiffer than it."""
+    """Report a modulus of fed liquid that has no effect."""
     if not table.liquid_has_modulus and "liquid_stiffness" in _changed(table):
         fix = 'what has this modulus is liquid = "elastic", or a mushy zone that stiffens (mush)'
         yield "liquid_stiffness", f"has no effect: liquid that is fed has none; {fix}"
@@ -349,11 +352,11 @@ def _liquid(case: Case, table: Mechanics) -> Faults:
 
 @caution("machine.extraction")
 def _extraction(case: Case, table: Extraction) -> Faults:
-    """Yield friction and bending that a maker's curve has in it."""
+    """Report friction and bending beside a maker's curve that already contains them."""
     rolls = None if case.machine is None else case.machine.pairs()
     if rolls is None or table.resistance == COUPLED:
         return
     locked = any(pair.locked for pair in rolls.pairs)
     for name in ("bending", *(() if locked else ("friction_axis", "friction_surface"))):
         if name in _changed(table):
-            yield name, "has no effect beside a maker's curve, which has it in it"
+            yield name, "has no effect beside a maker's curve, which includes it"

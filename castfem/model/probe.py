@@ -1,4 +1,4 @@
-"""The array of tables [[output.probe]]: points of the section that are followed."""
+"""The array of tables [[output.probe]]: points of the section whose temperature is recorded."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from castfem.model.checks import Faults, check, given, twice
 if TYPE_CHECKING:
     from castfem.model.case import Case
 
-_ONE_SIDED = {"quarter": "xy", "half": "x"}  # part of the section: coordinates without negatives
+_ONE_SIDED = {"quarter": "xy", "half": "x"}  # parts of the section without negative coordinates
 Coordinate = Annotated[float, Kind("m", "mm")]
 
 
 class Probe(TableModel):
-    """A point of the steel that is followed, as a thermocouple would; x and y, or a depth."""
+    """A recorded point of the steel, like a thermocouple; given by x and y, or by a depth."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
     """name of the probe and of its file, probes/NAME.csv"""
     x: Coordinate | None = Field(None, examples=["30 mm"])
-    """place on the undeformed section, from its middle"""
+    """coordinate on the undeformed section, from its middle"""
     y: Coordinate | None = Field(None, examples=["57.5 mm"])
     """likewise, with x"""
     under: str | None = Field(None, examples=["mid_face"])
-    """place of the surface below which it lies, instead of x and y: mid_face, narrow_face, corner
-    ... as in the columns of history.csv"""
+    """place of the surface below which the probe lies, instead of x and y: mid_face, narrow_face,
+    corner ... as in the columns of history.csv"""
     depth: Distance | None = Field(None, examples=["5 mm"])
-    """how deep below it, with under"""
+    """depth below that place"""
 
     def place(self, lines: Mapping[str, tuple[Any, Any]]) -> Array:
-        """Return where it lies on the undeformed section, x and y in m.
+        """Return its position on the undeformed section, x and y in m.
 
         Args:
-            lines: Name of each place of the surface, and the line inward from there: its two ends.
+            lines: For each place of the surface the two ends of the line from there inwards.
 
         Raises:
             InputError: The section has no such place, or is not as deep there.
@@ -65,7 +65,7 @@ class Probe(TableModel):
 
 
 def outside(case: Case, name: str, place: Array) -> InputError:
-    """What a probe outside of the section is answered with."""
+    """Return the error for a probe outside the section."""
     x, y = 1e3 * place
     part = getattr(case.section, "symmetry", "whole")
     mirrored = part != "whole" and min(x, y) < 0.0
@@ -87,7 +87,7 @@ def _names(case: Case, output: Any) -> Faults:
 def _says_where(case: Case, probe: Probe) -> Faults:
     found = [given(probe, *way) for way in (("x", "y"), ("under", "depth"))]
     if all(found) or not any(found):
-        yield "", "one of x with y, or under with depth, is needed to say where it is"
+        yield "", "one of x with y, or under with depth, is needed to give its position"
     for one, other in (("x", "y"), ("y", "x"), ("under", "depth"), ("depth", "under")):
         if given(probe, one) and not given(probe, other):
             yield "", f"{other} is missing; {one} and {other} go together"
@@ -95,7 +95,7 @@ def _says_where(case: Case, probe: Probe) -> Faults:
 
 @check("output.probe.*")
 def _is_within(case: Case, probe: Probe) -> Faults:
-    """Yield a place beyond the rectangle round the section; the run looks closer."""
+    """Report a probe beyond the rectangle around the section; the run checks more closely."""
     section = case.section
     width, height = section.outline()
     if width is None or height is None or getattr(section, "bulge", None) is not None:
@@ -112,12 +112,11 @@ def _is_within(case: Case, probe: Probe) -> Faults:
 
 
 class Pyrometer(TableModel):
-    """A fixed place at which the surface temperature is noted of each slice that passes."""
+    """A fixed position at which the surface temperature of each passing slice is recorded."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
     """its name in pyrometers.csv"""
     at: Length = Field(examples=["18.5 m"])
     """position, from the meniscus"""
     on: str = Field("mid_face", examples=["mid_face"])
-    """place of the surface it looks at: mid_face, narrow_face, corner ... as in the columns of
-    history.csv"""
+    """place of the surface: mid_face, narrow_face, corner ... as in the columns of history.csv"""

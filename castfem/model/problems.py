@@ -1,4 +1,4 @@
-"""Problems of a case file, told in one line each: where, what, what is allowed, what was meant."""
+"""Problems of a case file as one-line messages: where, what, what is allowed, what was meant."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from castfem.base.units import nearest
 from castfem.model.base import TableModel, Variants, meaning, tag_of
 
 _MISSING = object()
-_BESIDE, _ELSEWHERE = 0.6, 0.8  # likeness of a key beside a misspelt one, and of one elsewhere
+# similarity limits of misspelt keys: in the same table, and elsewhere
+_BESIDE, _ELSEWHERE = 0.6, 0.8
 NOT_MEANT = ("reference", "optimise")
-"""Tables of what a run gives: none of their keys is a setting of it."""
+"""Tables with results of a run: none of their keys is a setting."""
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
     """Something wrong with a case."""
 
-    path: Path  #: keys and indices down to what is wrong; () for the whole case
+    path: Path  #: keys and indices of the faulty value; () for the whole case
     text: str  #: what is wrong, what is allowed
-    kind: str = ""  #: pydantic's name of the error, empty for what castfem's own checks find
+    kind: str = ""  #: pydantic's name of the error, empty for castfem's own checks
     inherited: bool = True  #: whether it is also reported for a case that inherits the key
 
 
@@ -47,12 +48,12 @@ def at(data: Any, path: Path) -> Any:
 def from_validation(
     error: ValidationError, data: Mapping[str, Any], root: type[TableModel]
 ) -> list[Problem]:
-    """Return the problems pydantic found in a `root`, their paths those of the document."""
+    """Return the problems that pydantic found in a `root`, with paths as in the document."""
     found = []
     for details in error.errors(include_url=False):
         path, kind = details["loc"], details["type"]
         value = at(data, path)
-        if kind == "too_short" and value:  # pydantic counts the sound entries only
+        if kind == "too_short" and value:  # pydantic counts only the valid entries
             continue
         found.append(Problem(path, _text(details, path, value, root, data), kind))
     return found
@@ -61,7 +62,7 @@ def from_validation(
 def _text(
     details: ErrorDetails, path: Path, value: Any, root: type[TableModel], data: Mapping[str, Any]
 ) -> str:
-    """Return the text of one problem: what is wrong (value); what is allowed; nearest name."""
+    """Return the text of one problem: the fault (value); what is allowed; the nearest name."""
     kind, context = details["type"], details.get("ctx", {})
     given = "" if value is _MISSING else f" ({shown(value)})"
     if kind == "extra_forbidden":
@@ -102,7 +103,7 @@ _PLAIN = {
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
     "greater_than_equal": "must not be negative",
-    "string_pattern_mismatch": "takes at most 100 letters, digits, - and _; the first is no sign",
+    "string_pattern_mismatch": "takes at most 100 letters, digits, - and _; begins with neither",
 }
 
 
@@ -130,7 +131,7 @@ def _listed(annotation: Any) -> bool:
 
 
 def _entry(path: Path) -> str:
-    """Return how an entry of a list of tables begins, `[[cooling.surface]]`."""
+    """Return the heading of an entry of an array of tables, `[[cooling.surface]]`."""
     return f"[[{dotted(tuple(part for part in path if isinstance(part, str)))}]]"
 
 
@@ -140,7 +141,7 @@ def _literals(expected: str) -> list[str]:
 
 
 def submodels(annotation: Any) -> list[type[TableModel]]:
-    """Return the table models an annotation can stand for, in order."""
+    """Return the table models that an annotation allows, in order."""
     if isinstance(annotation, type) and issubclass(annotation, TableModel):
         kinds = annotation.variants() if issubclass(annotation, Variants) else []
         return kinds or [annotation]
@@ -156,13 +157,13 @@ class Table(NamedTuple):
     """A table that a case may have."""
 
     path: tuple[str, ...]  #: its keys
-    model: type[TableModel]  #: its model; of a table of several kinds, one for each
-    listed: bool  #: whether it, or one around it, is an entry of an array
-    heading: str  #: as in a file, [[cooling]]
+    model: type[TableModel]  #: its model; for a table of several kinds one for each
+    listed: bool  #: whether it is, or lies in, an entry of an array
+    heading: str  #: heading in a file, [[cooling]]
 
 
 def tables(root: type[TableModel]) -> Iterator[Table]:
-    """Yield the tables of a kind of case, those within others behind them, the root first."""
+    """Yield the tables of a kind of case, the root first and inner tables after outer ones."""
 
     def within(table: Table) -> Iterator[Table]:
         yield table
@@ -219,7 +220,7 @@ def _tags(root: type[TableModel], path: Path) -> list[str]:
 def model_at(
     root: type[TableModel], path: Path, data: Mapping[str, Any]
 ) -> type[TableModel] | None:
-    """Return the table model at a path of the document, None where there is none."""
+    """Return the table model at a path of the document, None if there is none."""
     model: type[TableModel] | None = root
     candidates: list[type[TableModel]] = [root]
     value: Any = data
@@ -233,7 +234,7 @@ def model_at(
 
 
 def _chosen(candidates: list[type[TableModel]], value: Any) -> type[TableModel] | None:
-    """Return the model of a union that the value's tag names."""
+    """Return the model of a union that the tag in the value selects."""
     if len(candidates) == 1:
         return candidates[0]
     for model in candidates:

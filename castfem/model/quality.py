@@ -1,4 +1,4 @@
-"""The table [quality]: by what the strand is judged, its crack indexes and the end of its pool."""
+"""The table [quality]: crack indexes, end of the liquid core, soft reduction."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Range(Notation):
-    """Annotation of a field that takes a range: its lower and its upper end."""
+    """Annotation of a field that takes a range: its lower and upper ends."""
 
-    kind: Kind  #: of both ends
-    example: str  #: a range as it may be written
+    kind: Kind  #: quantity of both ends
+    example: str  #: example of a range in a case file
 
     def described(self, example: object = None) -> str:
         """See `Notation.described`."""
@@ -112,7 +112,7 @@ class DuctilityTable(Notation):
 
 
 def _ductility(columns: dict[str, list[Any]], places: Sequence[str]) -> Ductility:
-    """Return the table of a row for each temperature and rate, in any order."""
+    """Return the table from rows of temperature and rate in any order."""
     import numpy as np
 
     from castfem.physics.materials.ductility import Ductility, fracture_strain
@@ -130,62 +130,62 @@ def _ductility(columns: dict[str, list[Any]], places: Sequence[str]) -> Ductilit
 
 
 FEEDING = 0.4
-"""Solid fraction from which on liquid must be drawn between the crystals [Clyne1981]."""
+"""Solid fraction above which liquid must be drawn between the crystals [Clyne1981]."""
 Criterion = Literal["won", "clyne_davies", "rdg"]
 
 
 class Feeding(TableModel):
-    """What feeds the mushy zone, of the criterion "rdg"."""
+    """Feeding of the mushy zone, for the criterion "rdg"."""
 
     viscosity: Annotated[float, Kind("Pa s", "Pa s", above=0.0)] = written("6.3e-3 Pa s")
-    """of the liquid between the crystals"""
+    """viscosity of the liquid between the crystals"""
     shrinkage: Annotated[float, Kind("1", above=0.0)] | None = Field(None, examples=["4 percent"])
-    """by which the volume falls as the steel freezes; left out: by the densities at solidus and
-    liquidus"""
+    """relative loss of volume on freezing; left out: from the densities at solidus and liquidus"""
     arm_spacing: Length | None = Field(None, examples=["120 um"])
-    """of the secondary dendrite arms; left out: by carbon content and cooling rate [Won2001]"""
+    """secondary dendrite arm spacing; left out: from carbon content and cooling rate [Won2001]"""
     cavitation: Annotated[float, Kind("Pa", "kPa", above=0.0)] = written("2 kPa")
-    """pressure drop from which on the liquid tears"""
+    """pressure drop at which the liquid cavitates"""
 
 
 class CriticalStrain(TableModel):
-    """Strain that the brittle range bears, factor/(rate^m width^n), of the criterion "won"."""
+    """Critical strain of the brittle range, factor/(rate^m width^n), for the criterion "won"."""
 
     factor: Annotated[float, Kind("1", above=0.0)] = 0.02821
-    """of a rate in 1/s and a width of the range in K [Won2000]"""
+    """factor, for a rate in 1/s and a width of the range in K [Won2000]"""
     rate_exponent: Annotated[float, Kind("1", least=0.0)] = 0.3131
-    """m, of the rate of strain; with both exponents 0 the factor is the strain itself"""
+    """exponent m of the strain rate; with both exponents 0 the factor is the critical strain itself
+    """
     range_exponent: Annotated[float, Kind("1", least=0.0)] = 0.8638
-    """n, of the width of the range"""
+    """exponent n of the width of the range"""
 
 
 class Quality(TableModel):
-    """By what the strand is judged: crack indexes, end of the pool, soft reduction."""
+    """Quality criteria: crack indexes, end of the liquid core, soft reduction."""
 
     band: Annotated[tuple[float, float], TEMPERATURES] = written(["800 degC", "950 degC"])  # type: ignore[arg-type]
-    """temperatures between which the steel has little ductility, of I1 and I2"""
+    """temperature range of low ductility, for I1 and I2"""
     brittle: Annotated[tuple[float, float], SOLID_FRACTIONS] = written([0.9, 0.99])  # type: ignore[arg-type]
-    """solid fractions between which the mushy zone tears, of `brittle_strain`"""
+    """solid fractions between which the mushy zone is brittle, for `brittle_strain`"""
     critical_strain: Annotated[float, STRAIN] | None = Field(None, examples=["0.4 percent"])
-    """strain in the brittle range from which on the steel tears; left out: none is known, and no
-    share of it is told"""
+    """strain in the brittle range at which the steel cracks; left out: strains are not related to
+    one"""
     soft_reduction: Annotated[tuple[float, float], SOLID_FRACTIONS] = written([0.3, 0.7])  # type: ignore[arg-type]
-    """solid fractions on the centre line between which reduction closes segregation"""
+    """solid fractions on the centre line between which soft reduction counteracts segregation"""
     hot_tearing: tuple[Criterion, ...] | None = Field(None, examples=[["won", "clyne_davies"]])
-    """criteria of hot tearing in the brittle range that are followed through the section
+    """hot tearing criteria evaluated in the brittle range over the whole section
     (docs/hot_tearing.md); left out: none"""
     won: CriticalStrain | None = None
-    """critical strain, of the criterion "won"; left out: that of the paper"""
+    """critical strain for the criterion "won"; left out: that of the paper"""
     rdg: Feeding | None = None
-    """what feeds the mushy zone, of the criterion "rdg"; left out: its defaults"""
+    """feeding of the mushy zone for the criterion "rdg"; left out: its defaults"""
     ductility: Annotated[Any, DuctilityTable()] = Field(None, examples=[{"file": "ductility.csv"}])
-    """critical strain of the grade over temperature and rate of strain, which the surface's strain
-    is held against; left out: the one band of temperatures says where the steel is brittle"""
+    """critical strain of the grade over temperature and strain rate, with which the strain of the
+    surface is compared; left out: `band` alone tells where the steel is brittle"""
 
 
 @check("quality")
 def _followed(case: Case, quality: Quality) -> Faults:
-    """Yield what criteria lack."""
+    """Report missing data of the criteria."""
     criteria = quality.hot_tearing or ()
     strained = [name for name in criteria if name != "clyne_davies"]
     if strained and (case.mechanics is None or case.mechanics_end() is not None):
@@ -197,11 +197,11 @@ def _followed(case: Case, quality: Quality) -> Faults:
         yield "brittle", text
     for name, table in (("won", quality.won), ("rdg", quality.rdg)):
         if table is not None and name not in criteria:
-            yield name, f'is of the criterion "{name}"; name it, hot_tearing = ["{name}"]'
+            yield name, f'belongs to the criterion "{name}"; name it, hot_tearing = ["{name}"]'
     if quality.ductility is not None and case.mechanics is None:
-        yield "ductility", "is held against strain; add [mechanics], or leave it out"
+        yield "ductility", "is compared with strain; add [mechanics], or leave it out"
 
 
 def band_of(case: Case) -> tuple[float, float]:
-    """Temperatures between which the steel of a case has little ductility, K."""
+    """Temperature range of low ductility of the steel of a case, K."""
     return (case.quality or Quality.model_validate({})).band

@@ -1,4 +1,4 @@
-"""What is written from the models: docs/case_files.md, and the JSON schema for editors."""
+"""Writes docs/case_files.md, and the JSON schema for editors, from the models."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _table(table: Table) -> Iterator[str]:
 
 
 def _is_tag(key: str, field: FieldInfo) -> bool:
-    """Return whether a key only tells which table of several this is; the heading shows it."""
+    """Return whether a key only selects the kind of its table; the heading shows it."""
     return key in ("law", "shape") and typing.get_origin(field.annotation) is typing.Literal
 
 
@@ -81,7 +81,7 @@ def _type(annotation: Any, example: object = None) -> str:
 
 
 def _default(field: FieldInfo) -> str:
-    """Return the default of a key as it would be written."""
+    """Return the default of a key as written in a case file."""
     if field.is_required():
         return "required"
     if field.default_factory is not None:
@@ -123,8 +123,8 @@ def _examples() -> Iterator[Section]:
 def case_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a case file.
 
-    A file that extends another may leave out what the other has, so nothing is required in the
-    tables that merge; the entries of arrays, which are replaced, must be whole.
+    A file that extends another may leave out inherited keys, so nothing is required in tables that
+    merge; array entries are replaced and must be complete.
     """
     schema, test = Case.model_json_schema(), TensileCase.model_json_schema()
     found = schema["$defs"]
@@ -164,7 +164,7 @@ def case_schema() -> dict[str, Any]:
 
 
 def _plain(node: Any) -> None:
-    """Take out of a schema what TOML does not have (null) and what editors do not need (titles)."""
+    """Remove from a schema what TOML does not have (null) and editors do not need (titles)."""
     if isinstance(node, list):
         for inner in node:
             _plain(inner)
@@ -186,5 +186,5 @@ def _plain(node: Any) -> None:
 
 
 def schema_text() -> str:
-    """Return the schema as it is printed."""
+    """Return the schema as text."""
     return json.dumps(case_schema(), indent=2) + "\n"

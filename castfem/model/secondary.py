@@ -1,7 +1,7 @@
 """The table [secondary]: cooling below the mould, from roll to roll.
 
-What reads it into geometry and laws (`castfem.physics.machine.sprays`,
-`castfem.physics.thermal.spray_water`) is imported by a case that has some alone.
+The modules that build its geometry and laws (`castfem.physics.machine.sprays`,
+`castfem.physics.thermal.spray_water`) are only imported by cases that have the table.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class NozzleTable(Notation):
 
 
 def _coefficients(rows: Array, places: Sequence[str]) -> CoefficientTable:
-    """Return the table of a row for each temperature and flow, in any order."""
+    """Return the table from rows of temperature and flow in any order."""
     from castfem.physics.thermal.spray_water import CoefficientTable
 
     kinds = tuple(_COLUMNS.kinds.values())
@@ -105,7 +105,7 @@ _WIDE = "wide_face"
 
 
 def is_wide(name: str) -> bool:
-    """Whether the name of a group stands for a wide face, too."""
+    """Whether a name of boundary groups includes a wide face."""
     return name.startswith(_WIDE) or _WIDE.startswith(name)
 
 
@@ -113,10 +113,9 @@ class RollContact(TableModel):
     """Contact with the rolls; one of `share` and `coefficient`."""
 
     angle: Angle = Field(examples=["10 deg"])
-    """part of a roll's circumference that touches the strand; the length of contact is that of the
-    arc"""
+    """angle of a roll's circumference that touches the strand; its arc is the length of contact"""
     share: Share | None = None
-    """share of a roll in the heat of its pitch, 0.01 to 0.22 [Meng2003]"""
+    """share of the heat of a pitch that the roll takes, 0.01 to 0.22 [Meng2003]"""
     coefficient: HeatTransferCoefficient | None = None
     """heat transfer coefficient of contact"""
     temperature: Temperature | None = Field(None, examples=["150 degC"])
@@ -124,27 +123,27 @@ class RollContact(TableModel):
 
 
 class NozzleModel(TableModel):
-    """A model of nozzle; one of `table` and `correlation`."""
+    """A type of nozzle; one of `table` and `correlation`."""
 
     name: str = Field(min_length=1)
     """name of the model"""
     angle: Angle = Field(examples=["110 deg"])
-    """of its spray across the strand"""
+    """spray angle across the strand"""
     angle_along: Angle = Field(examples=["14 deg"])
-    """of its spray along the strand"""
+    """spray angle along the strand"""
     edge: Edge = 0.0
-    """share of the half width over which its water falls to zero at the ends; 0 is even all over, 1
-    a triangle"""
+    """fraction of the half width at each end over which the water falls to zero; 0: uniform, 1: a
+    triangle"""
     table: Annotated[Any, NozzleTable()] = None
-    """measured coefficients of the water alone over surface temperature and water, beginning at no
-    water"""
+    """measured coefficients of the water alone over surface temperature and water flow, starting at
+    no water"""
     correlation: Annotated[str, NameOf(CORRELATIONS)] | None = None
-    """formula of the coefficient; below its least water it falls to zero"""
+    """correlation for the heat transfer coefficient; below its smallest flow it falls to zero"""
     machine_factor: PositiveNumber = Field(1.0, examples=[4])
-    """divides the coefficient: fit to the machine"""
+    """divides the coefficient, to fit it to the machine"""
 
     def coefficient(self, water_temperature: float) -> Coefficient:
-        """Return h of water and surface temperature."""
+        """Return the coefficient h(water, surface temperature)."""
         from castfem.physics.thermal.spray_water import OfCorrelation
 
         if self.correlation is None:
@@ -153,37 +152,37 @@ class NozzleModel(TableModel):
         return OfCorrelation(CORRELATIONS[self.correlation], water_temperature, self.machine_factor)
 
     def most_water(self) -> float:
-        """Return the largest flow per area that h is known for, kg/(m2 s)."""
+        """Return the largest flow per area for which h is known, kg/(m2 s)."""
         if self.correlation is None:
             return float(self.table.most)
         return CORRELATIONS[self.correlation].water[1]
 
 
 class Circuit(TableModel):
-    """Nozzles of one model that one valve feeds: a row of them in each gap between some rolls."""
+    """Nozzles of one model fed by one valve: a row in each gap between some rolls."""
 
     name: str = Field(min_length=1)
     """name of the circuit"""
     on: tuple[str, ...] = Field(min_length=1)
-    """faces it sprays; a name also stands for all groups that begin with it"""
+    """faces it sprays; a name also matches all groups that begin with it"""
     rolls: tuple[int, int] = Field(examples=[[8, 15]])
-    """number of the roll above the first row and of that below the last"""
+    """numbers of the rolls above the first and below the last row"""
     nozzle: str
-    """their model, the name of a [[secondary.nozzle]]"""
+    """name of their [[secondary.nozzle]]"""
     across: tuple[Place, ...] = Field(min_length=1, examples=[["-300 mm", "300 mm"]])
-    """where the nozzles of a row stand, from the middle of the face"""
+    """positions of the nozzles of a row, from the middle of the face"""
     stand_off: Length = Field(examples=["210 mm"])
     """distance of the nozzles from the surface"""
     flow: ZoneFlow | None = Field(None, examples=["445 L/min"])
-    """water of all its nozzles together, on the whole strand; over the casting speed, or the time
-    by the clock of casting.start.time"""
+    """total flow of its nozzles on the whole strand; a number, or a table over the casting speed or
+    over time by the clock of casting.start.time"""
     specific: SpecificWater | None = Field(None, examples=["0.12 L/kg"])
-    """instead, per mass of steel that passes; it follows the casting speed"""
+    """water per mass of passing steel, instead of flow; its flow follows the casting speed"""
     share: WaterShare | None = Field(None, examples=[0.3])
-    """instead, its share of [water]"""
+    """its share of [water], instead of flow"""
 
     def nozzles(self) -> int:
-        """Return how many nozzles share its flow, on the whole strand."""
+        """Return the number of its nozzles on the whole strand."""
         faces = sum(any(face.startswith(name) for name in self.on) for face in FACES)
         return faces * len(self.across) * (self.rolls[1] - self.rolls[0])
 
@@ -194,29 +193,29 @@ class Circuit(TableModel):
 
 
 class Secondary(TableModel):
-    """Cooling from roll to roll, below [[cooling]]: contact, shade, spray, run-off water.
+    """Cooling from roll to roll below [[cooling]]: contact, spray, run-off water, radiation.
 
-    All but contact radiates to the surroundings.
+    The strand radiates to the surroundings everywhere except at the contacts.
     """
 
     ambient: Temperature = Field(examples=["60 degC"])
-    """temperature of rolls and surroundings that the strand radiates to"""
+    """temperature of the rolls and surroundings for radiation"""
     emissivity: EmissivityOfTemperature | None = None
-    """emissivity of the strand; by default the steel's"""
+    """emissivity of the strand; by default that of the steel"""
     water_temperature: WaterTemperature = written("25 degC")
     """temperature of the water"""
     contact: RollContact | None = None
     """contact with the rolls, on the wide faces; left out: none"""
     run_off: CoefficientOfTemperature | None = Field(None, examples=["150 W/(m^2 K)"])
-    """coefficient of the water between a spray and the next roll, on the wide faces; left out:
-    none"""
+    """heat transfer coefficient of the water between a spray and the next roll, on the wide faces;
+    left out: none"""
     falls_off: Angle | None = Field(None, examples=["60 deg"])
-    """inclination to the vertical from which on water falls off the extrados rather than run on to
-    the next roll; left out: it never does"""
+    """inclination to the vertical above which water falls off the extrados instead of running on to
+    the next roll; left out: it never falls off"""
     nozzle: tuple[NozzleModel, ...] = ()
-    """models of nozzles"""
+    """types of nozzles"""
     circuit: tuple[Circuit, ...] = ()
-    """circuits of water"""
+    """water circuits"""
 
     def model_of(self, circuit: Circuit) -> NozzleModel:
         """Return the model of a circuit's nozzles, in a sound case."""
@@ -242,7 +241,7 @@ class Secondary(TableModel):
         inclination: Callable[[float], float],
         end: float,
     ) -> tuple[tuple[Row, ...], tuple[Stretch, ...]]:
-        """Return the rows that spray a face, and the stretches it meets from the meniscus on."""
+        """Return the rows that spray a face, and its stretches from the meniscus on."""
         from castfem.physics.machine.sprays import stretches
 
         names = {circuit.name: circuit.on for circuit in self.circuit}
@@ -260,7 +259,7 @@ class Secondary(TableModel):
         return mine, stretches(contacts, mine, 0.0, end, gathers=gathers)
 
     def contacts(self, rolls: Rolls) -> tuple[tuple[float, float], ...]:
-        """Return where a wide face touches each roll, m; a length of nothing for a lost one."""
+        """Return where a wide face touches each roll, m; zero length for a missing roll."""
         angle = 0.0 if self.contact is None else self.contact.angle
         halves = [0.0 if pair.lost else 0.25 * angle * pair.diameter for pair in rolls.pairs]
         return tuple(

@@ -1,7 +1,7 @@
 """The tables [section] and [mesh]: the cross-section of the strand and its cells.
 
-A shape of section is one class here: its sizes, its boundary groups, the cavity that surrounds it.
-`castfem.meshes.build.BUILDERS` names the function that meshes it.
+Each shape of section is one class here, with its sizes, its boundary groups and the cavity around
+it. `castfem.meshes.build.BUILDERS` names the function that meshes it.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ _SYMMETRY = "part that is modelled; half is the side x >= 0"
 
 
 class Section(Variants):
-    """What every shape has; a new one is a subclass with its own `shape`, groups and cavity."""
+    """Base of the shapes; a new one is a subclass with its own `shape`, groups and cavity."""
 
     tag_key = "shape"
     kinds: ClassVar[dict[str, Any]] = {}
 
     groups: ClassVar[dict[str, str]] = {}
-    """Boundary groups of the quarter, and how a name splits where the quarter is mirrored: "y"
-    into intrados and extrados (half and whole), "x" into right and left (whole)."""
+    """Boundary groups of the quarter, and how a name splits where the quarter is mirrored: "y" into
+    intrados and extrados (half and whole), "x" into right and left (whole)."""
     mould_sizes: ClassVar[tuple[str, ...]] = ()
-    """Sizes of its own that a mould of this shape may have."""
+    """Names of the sizes that a mould of this shape may set."""
     one_taper: ClassVar[bool] = True
-    """Whether its mould has one taper for all; otherwise each face may have its own."""
+    """Whether its mould has a single taper; otherwise each face may have its own."""
     has_corner: ClassVar[bool] = True
-    """Whether there is a corner, for mesh.corner_size."""
+    """Whether the section has a corner (for mesh.corner_size)."""
 
     def outer_groups(self) -> tuple[str, ...]:
-        """Return the boundary groups on the strand's surface: the mesh's, without symmetry."""
+        """Return the boundary groups on the surface of the strand, without lines of symmetry."""
         symmetry, names = getattr(self, "symmetry", "quarter"), []
         for name, mirrors in self.groups.items():
             if name == "corner" and getattr(self, "corner_radius", None) == 0.0:
@@ -63,20 +63,20 @@ class Section(Variants):
         return tuple(names)
 
     def cooled_groups(self) -> tuple[str, ...]:
-        """Return the groups that a heat law without `on` holds on."""
+        """Return the groups on which a heat law without `on` holds."""
         return self.outer_groups()
 
     def barred(self) -> tuple[str, ...]:
-        """Return which tilts of the slice (a1, a2) its symmetry keeps at zero."""
+        """Return the tilts of the slice (a1, a2) that its symmetry keeps at zero."""
         symmetry = getattr(self, "symmetry", "whole")
         return {"quarter": ("a1", "a2"), "half": ("a1",)}.get(symmetry, ())
 
     def outline(self) -> tuple[float | None, float | None]:
-        """Return its width and height, m; None where one is faulty."""
+        """Return its width and height, m; None for a faulty value."""
         return getattr(self, "width", None), getattr(self, "height", None)
 
     def halves(self) -> tuple[float | None, float | None]:
-        """Return half the thickness and half the largest dimension, m; None where faulty."""
+        """Return half the thickness and half the largest dimension, m; None for a faulty value."""
         width, height = self.outline()
         if width is None or height is None:
             return None, None
@@ -90,17 +90,18 @@ class Section(Variants):
         """Return the cavity of its mould.
 
         Args:
-            size: Its sizes at the meniscus, m, those of the section where none are given.
-            hot: Lengths at work over those in the cold.
+            size: Returns a size at the meniscus by its name, m; that of the section if none is
+                given.
+            hot: Ratio of hot to cold lengths.
 
         Raises:
-            ValueError: It has no mould.
+            ValueError: This shape has no mould.
         """
-        raise ValueError(f"a {self.tag} has no section that a mould could surround")
+        raise ValueError(f"a {self.tag} cannot have a mould")
 
 
 class Rectangle(Section):
-    """Billet, bloom or slab: a rectangle, its corners rounded or sharp."""
+    """Billet, bloom or slab: a rectangle with rounded or sharp corners."""
 
     groups: ClassVar[dict[str, str]] = {"wide_face": "y", "narrow_face": "x", "corner": "xy"}
     mould_sizes: ClassVar[tuple[str, ...]] = ("width", "height", "corner_radius")
@@ -115,8 +116,8 @@ class Rectangle(Section):
     """radius of the corners; 0 mm for sharp ones"""
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
     bulge: Bulge | None = None
-    """how far the outline at the meniscus stands out from the rectangle, over the way round a
-    quarter from the middle of the narrow face; `castfem section` writes it"""
+    """distance of the outline at the meniscus from the rectangle, over the length round a quarter
+    from the middle of the narrow face; written by `castfem section`"""
 
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
         """See `Section.cavity`."""
@@ -169,7 +170,7 @@ class BeamBlank(Section):
     web_thickness: Length
     """thickness of the web, in y"""
     flange_thickness: Length
-    """thickness of a flange at its tip, in x, the flank drawn through"""
+    """thickness of a flange at its tip, in x, with the flank extended"""
     root_thickness: Length
     """thickness of a flange at the surface of the web, likewise"""
     fillet_radius: Length
@@ -181,7 +182,7 @@ class BeamBlank(Section):
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
 
     def halves(self) -> tuple[float | None, float | None]:
-        """See `Section.halves`; the web is what is thin."""
+        """See `Section.halves`; the thickness is that of the web."""
         thin, (_, large) = self.web_thickness, super().halves()
         return (None if large is None or thin is None else 0.5 * thin), large
 
@@ -190,7 +191,7 @@ class BeamBlank(Section):
         return True
 
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
-        """See `Section.cavity`; all its sizes are the section's."""
+        """See `Section.cavity`; its sizes are those of the section."""
         from castfem.meshes.beam_blank import surface_pieces
 
         pieces = surface_pieces(
@@ -230,7 +231,7 @@ class Strip(Section):
     """size in y"""
 
     def cooled_groups(self) -> tuple[str, ...]:
-        """See `Section.cooled_groups`; its sides and its core are no surface of the strand."""
+        """See `Section.cooled_groups`; sides and inner end are not on the strand's surface."""
         return ("surface",)
 
     def halves(self) -> tuple[float | None, float | None]:
@@ -239,7 +240,7 @@ class Strip(Section):
 
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
         """See `Section.cavity`."""
-        raise ValueError("a strip has no section that a mould could surround; leave out [mould]")
+        raise ValueError("a strip cannot have a mould; leave out [mould]")
 
 
 class Mesh(TableModel):
@@ -248,7 +249,7 @@ class Mesh(TableModel):
     cell: Literal["quadrilateral", "triangle"] = "quadrilateral"
     """cell shape"""
     order: Literal[1, 2] = 1
-    """order of the cells' geometry"""
+    """geometric order of the cells"""
     surface_size: Length = Field(examples=["0.5 mm"])
     """cell size at the surface, normal to it"""
     corner_size: Length | None = Field(None, examples=["0.5 mm"])
@@ -258,7 +259,7 @@ class Mesh(TableModel):
     core_size: Length = Field(examples=["8 mm"])
     """cell size in the core"""
     surface_depth: Distance = written("0 mm")
-    """depth over which the sizes at the surface are kept"""
+    """depth to which the surface sizes extend"""
     core_depth: Length | None = Field(None, examples=["40 mm"])
     """depth at which core_size is reached; by default half the thickness"""
 
@@ -276,7 +277,7 @@ def _round_corners(case: Case, section: Section) -> Faults:
 @check("mesh")
 def _sizes(case: Case, mesh: Mesh) -> Faults:
     thin, large = case.section.halves()
-    finest = 1e-5  # of half the section: smallest cell
+    finest = 1e-5  # smallest cell over half the section
     for key in ("surface_size", "corner_size", "face_size", "core_size", "core_depth"):
         value, most = getattr(mesh, key), thin if key == "surface_size" else large
         if value is None or isinstance(value, Unreadable) or most is None or large is None:
@@ -284,7 +285,8 @@ def _sizes(case: Case, mesh: Mesh) -> Faults:
         if value > most:
             what = "half the thickness of" if key == "surface_size" else "half"
             yield key, f"({in_mm(value)}) is larger than {what} the section ({in_mm(most)})"
-        # Curved cells so flat lose their shape in rounding, and DOLFINx finds no point in them.
+        # The shape of flatter curved cells is lost in rounding, and DOLFINx finds no points in
+        # them.
         if value < finest * large:
             fix = f"at least {in_mm(finest * large)}"
             yield key, f"({in_mm(value)}) is too fine to be told apart in the section; {fix}"
@@ -319,14 +321,14 @@ def _corner(case: Case, mesh: Mesh) -> Faults:
 
 @caution("mesh")
 def _coarse(case: Case, mesh: Mesh) -> Faults:
-    if mesh.surface_size > 15e-3:  # m: shells are some 10 to 25 mm thick where their mould ends
+    if mesh.surface_size > 15e-3:  # m: shells are some 10 to 25 mm thick at the exit of the mould
         fix = "castfem error tells what cells cost"
         yield "surface_size", f"({in_mm(mesh.surface_size)}) is as thick as a shell; {fix}"
 
 
 @contextmanager
 def meshing() -> Iterator[None]:
-    """Return a block in which the section of a case is meshed."""
+    """Return a context in which the section of a case is meshed."""
     try:
         yield
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Where cases of different casting speed take the same measured heat to the mould."""
+"""Warnings where cases with different casting speeds have the same measured mould heat."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ SPEED_KEY = "casting.speed"
 
 @dataclass(frozen=True, slots=True)
 class FixedHeat:
-    """Heat of a law that does not follow the casting speed."""
+    """Heat of a law that does not change with the casting speed."""
 
-    where: str  #: zone and boundary groups, in words
-    what: str  #: the heat, in words
-    speed: float  #: at which the slice passes the zone, m/s
+    where: str  #: zone and boundary groups, as text
+    what: str  #: the heat, as text
+    speed: float  #: casting speed when the slice passes the zone, m/s
 
 
 def fixed_heat(case: Case) -> Iterator[FixedHeat]:
-    """Yield the heat that is the same at every speed, though nobody has said that it should be."""
+    """Yield heat that is the same at every speed without an explicit statement."""
     start, machine = 0.0, build_machine(case)
     for zone in case.cooling:
         end = case.casting.length if zone.to is None else zone.to
@@ -42,7 +42,7 @@ def fixed_heat(case: Case) -> Iterator[FixedHeat]:
 
 
 def _fixed(law: ScaledLaw) -> str:
-    """The heat of a law that does not follow the speed, in words; "" if it does."""
+    """The heat of a law that does not change with the speed, as text; "" if it does."""
     if law.measured_at is not None or law.over_speed:
         return ""
     if law.scales:
@@ -54,7 +54,7 @@ def _fixed(law: ScaledLaw) -> str:
 
 
 def shared_heat(cases: Iterable[Case]) -> list[str]:
-    """Return what is wrong in comparing cases of different speed, a line for each law."""
+    """Return warnings about a comparison of cases with different speeds, one line for each law."""
     met: dict[tuple[str, str], list[float]] = {}
     for case in cases:
         for one in fixed_heat(case):
@@ -62,7 +62,7 @@ def shared_heat(cases: Iterable[Case]) -> list[str]:
     return [
         f"{where}: {what} at each of the casting speeds {_listed(speeds)}, though a mould takes "
         "more at a higher speed: differences between these runs are overstated; give measured_at, "
-        "the speed at which this was measured (then the flux goes by the time in the mould), or "
+        "the speed at which this was measured (then the flux depends on the time in the mould), or "
         "the total as a table over speed (docs/thermal.md)"
         for (where, what), speeds in met.items()
         if _exceeds(max(speeds), min(speeds))
@@ -70,12 +70,12 @@ def shared_heat(cases: Iterable[Case]) -> list[str]:
 
 
 def fixed_while_varied(case: Case, keys: Iterable[str]) -> list[str]:
-    """Return what is wrong in varying some keys of a case, if the speed is one of them."""
+    """Return warnings about varying some keys of a case, if the speed is one of them."""
     if SPEED_KEY not in keys:
         return []
     return [
-        f"{one.where}: {one.what} at whatever casting speed, though a mould takes more at a higher "
-        "one: what depends on the speed is overstated; give measured_at, the speed at which this "
+        f"{one.where}: {one.what} at any casting speed, though a mould takes more at a higher "
+        "one: the effect of the speed is overstated; give measured_at, the speed at which this "
         "was measured, or the total as a table over speed (docs/thermal.md)"
         for one in fixed_heat(case)
     ]
@@ -83,7 +83,7 @@ def fixed_while_varied(case: Case, keys: Iterable[str]) -> list[str]:
 
 @caution("cooling.*.surface.*")
 def beyond_tables(case: Case, law: HeatLaw) -> Faults:
-    """Yield tables over the casting speed that end before the speed of the case."""
+    """Report tables over the casting speed that do not include the speed of the case."""
     given = case.casting.speed
     moving = [v for v in (given.values if isinstance(given, Table) else (given,)) if v > 0.0]
     for key in TOTALS if isinstance(law, ScaledLaw) and moving else ():
@@ -93,16 +93,16 @@ def beyond_tables(case: Case, law: HeatLaw) -> Faults:
         first, last = table.arguments[0], table.arguments[-1]
         if _exceeds(first, min(moving)) or _exceeds(max(moving), last):
             text = f"the table goes from {_speed(first)} to {_speed(last)}, the strand at"
-            yield key, f"{text} {_listed(moving)}: the value of its end is taken there"
+            yield key, f"{text} {_listed(moving)}: the end value is used there"
 
 
 def _exceeds(speed: float, other: float) -> bool:
-    """Whether a speed is higher than another one, by more than their last digits."""
+    """Whether a speed is higher than another one by more than rounding."""
     return speed > (1.0 + 1e-4) * other
 
 
 def _listed(speeds: Iterable[float]) -> str:
-    """Different speeds in growing order, m/min."""
+    """Different speeds in ascending order, m/min."""
     found: list[float] = []
     for speed in sorted(speeds):
         if not found or _exceeds(speed, found[-1]):
@@ -119,7 +119,7 @@ EVEN_FLUX = "the same flux everywhere round the section: no gap opens at the cor
 
 
 def even_zones(case: Case) -> Iterator[str]:
-    """Yield the zones that have a flux at corners and beside them, and no gap that lowers it."""
+    """Yield the zones with the same flux at corners and faces, and no gap that lowers it."""
     start = 0.0
     for zone in case.cooling:
         if start < case.casting.length and any(is_even(case, law) for law in zone.surface):
@@ -128,7 +128,7 @@ def even_zones(case: Case) -> Iterator[str]:
 
 
 def is_even(case: Case, law: HeatLaw) -> bool:
-    """Whether a law is a given flux at corners and beside them, and no gap can lower it there."""
+    """Whether a law prescribes the same flux at corners and faces, and no gap can lower it."""
     given = law.flux if isinstance(law, Contact) else law.value if isinstance(law, Flux) else None
     if given is None or case.mould is not None:
         return False
@@ -142,7 +142,7 @@ def is_even(case: Case, law: HeatLaw) -> bool:
 
 
 def fix(case: Case) -> str:
-    """What helps: less for the corner, where the section has it as a group of its own."""
+    """The fix: a lower flux at the corner, if the section has it as a separate group."""
     if getattr(case.section, "corner_radius", None) == 0.0:
         return "give the section its corner_radius, and its corner less heat"
     return 'give the corner less by a law of its own, on = ["corner"]'

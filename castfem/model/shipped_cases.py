@@ -1,4 +1,4 @@
-"""Finding case files: by path, or by the name of a case shipped with castfem."""
+"""Finds case files: by path, or by the name of a case shipped with castfem."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from castfem.model.case import Case
 
 CASE_NAME = "case.toml"
-"""The case in the folder of a run, as resolved."""
+"""The resolved case in the folder of a run."""
 
 
 def shipped() -> dict[str, Path]:
@@ -49,8 +49,8 @@ def find(name: str, beside: Path | None = None) -> Path:
     if (path / CASE_NAME).is_file():
         return path / CASE_NAME
     if path.is_dir():
-        raise InputError(f"{name}: is a folder, not that of a run: there is no {CASE_NAME} in it")
-    if path.is_fifo() or path.parts[:3] == ("/", "dev", "fd"):  # as of <(...) in a shell
+        raise InputError(f"{name}: is not the folder of a run: it has no {CASE_NAME}")
+    if path.is_fifo() or path.parts[:3] == ("/", "dev", "fd"):  # such as <(...) in a shell
         raise InputError(f"{name}: is a pipe, not a file; write the case to a file first")
     others = (p for p in path.parent.glob("*.toml") if p != beside)
     near = nearest(name, [*(Path(name).with_name(p.name).as_posix() for p in others), *cases])
@@ -61,14 +61,14 @@ def find(name: str, beside: Path | None = None) -> Path:
 
 
 def load(name: str | Path) -> Case:
-    """Return a case of a file, or one shipped with castfem, checked.
+    """Return a checked case from a file, or one shipped with castfem.
 
     Args:
         name: Path of a case file, with or without .toml, or the name of a shipped case
             ("billet125/thermal").
 
     Raises:
-        InputError: There is no such case, or it is wrong: all mistakes, one line each.
+        InputError: There is no such case, or it is faulty; all faults, one line each.
     """
     from castfem.model.load import load_case
 
@@ -76,10 +76,10 @@ def load(name: str | Path) -> Case:
 
 
 def as_case(given: Case | str | Path, caller: str) -> Case:
-    """Return a case, or the one that `load` takes.
+    """Return a case unchanged, or load the one that is named.
 
     Raises:
-        InputError: It is neither, there is no such case, or it is wrong.
+        InputError: It is neither, there is no such case, or the case is faulty.
     """
     from castfem.model.case import Case
 
@@ -98,9 +98,9 @@ def title_of(path: Path) -> str:
 
 
 def default_folder(name: str, path: Path) -> Path:
-    """Return where a run goes without -o: results/<family>/<name>.
+    """Return the default output folder of a run: results/<family>/<name>.
 
-    The family is the folder the case file lies in; a file in the current folder has none.
+    The family is the folder of the case file; a file in the current folder has none.
     """
     if name in shipped() and not Path(name).is_file():
         return Path("results") / name

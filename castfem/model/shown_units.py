@@ -1,4 +1,4 @@
-"""Checks of a choice of units against the quantities that there are."""
+"""Checks a choice of units against the known quantities."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def faults(choice: ShownUnits) -> Iterator[tuple[str, str]]:
-    """Yield the names that are no quantity, or have a unit that measures something else."""
+    """Yield unknown quantities, and units of another dimension."""
     for name in choice.names:
         usual = usual_unit(name)
         if usual is None:
@@ -43,10 +43,10 @@ def faults(choice: ShownUnits) -> Iterator[tuple[str, str]]:
 
 
 def read_choice(given: Sequence[str]) -> ShownUnits:
-    """Return what was asked for on the command line: "si", "plant", or NAME=UNIT.
+    """Return a choice made on the command line: "si", "plant", or NAME=UNIT.
 
     Raises:
-        InputError: It cannot be read, or a unit measures something else.
+        InputError: It cannot be read, or a unit has another dimension.
     """
     table: dict[str, str] = {}
     for text in given:
@@ -65,12 +65,12 @@ def read_choice(given: Sequence[str]) -> ShownUnits:
 
 
 def units_of(case: Case) -> ShownUnits:
-    """The choice of a case; the units of the plant where it makes none."""
+    """The units of a case; those of the plant if it chooses none."""
     return case.output.units or ShownUnits()
 
 
 def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables of a case with their quantities in the units that were chosen."""
+    """The tables of a case with their quantities in the chosen units."""
     if not is_chosen():
         return dict(tables)
     found = {key: _turned(value) for key, value in tables.items()}
@@ -83,7 +83,7 @@ def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _turned(value: Any) -> Any:
-    """A value of a case, what is a quantity in it in the units that were chosen."""
+    """Convert the quantities in a value of a case to the chosen units."""
     if isinstance(value, Mapping):
         return with_units(value)
     if isinstance(value, list):
@@ -93,16 +93,16 @@ def _turned(value: Any) -> Any:
         if not number or not unit:
             return value
         (shown,), its = _column([float(number)], unit)
-    except ValueError:  # a text
+    except ValueError:  # not a quantity
         return value
     return f"{shown:.7g} {its}"
 
 
 def _column(values: Sequence[Any], unit: str) -> tuple[list[Any], str]:
-    """Values and their unit in the units that were chosen."""
+    """Convert values to the chosen units; return them with their unit."""
     try:
         scale = scale_of(unit)
-    except ValueError:  # of an own property file, say
+    except ValueError:  # such as in a user's property file
         return list(values), unit
     turned = [scale(one) if isinstance(one, int | float) else one for one in values]
     return [float(f"{v:.9g}") if isinstance(v, float) else v for v in turned], scale.unit

@@ -1,4 +1,4 @@
-"""How a taper is written: one value, segments, a parabola, a table; alike all round or not."""
+"""Notation of a taper: one value, segments, a parabola or a table; for all faces or by face."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from castfem.base.units import nearest
 from castfem.physics.mould.taper import Displaced, Taper, TaperProfile, TaperSegment
 
 TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
-_SLOPE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+) *mm */ *m")  # as a mould maker may have it
+_SLOPE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+) *mm */ *m")  # as some mould makers write it
 _END = Kind("m", "mm", above=0.0)
 _CLOSING = Curve(Kind("m", "mm", label="displacement", sample="0.5 mm"), over="position")
 _FORMS = (
@@ -26,16 +26,16 @@ _FORMS = (
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """A taper as given; `castfem.physics.mould.taper` says what it means."""
+    """A taper as given; `castfem.physics.mould.taper` defines it."""
 
     segments: tuple[TaperSegment, ...] = ()  #: in casting order; the last one may have no end
     closing: Table | None = None  #: displacement of the wall over position instead of segments
 
     def profile(self, length: float) -> TaperProfile:
-        """Return the profile along a mould of that length, m.
+        """Return the profile along a mould of this length, m.
 
         Raises:
-            ValueError: The segments do not fill the mould, or close it altogether.
+            ValueError: The segments do not fill the mould, or close it completely.
         """
         if self.closing is not None:
             return Displaced(self.closing)
@@ -58,22 +58,22 @@ class Given:
 
 @dataclass(frozen=True, slots=True)
 class Perimeter:
-    """The tapers round the section, each None where it is not given."""
+    """Tapers around the section; None for those not given."""
 
-    face: Given | None = None  #: of all faces (of a round, of its wall)
-    narrow_face: Given | None = None  #: of the narrow faces: it governs the width
-    wide_face: Given | None = None  #: of the wide faces: it governs the height
+    face: Given | None = None  #: of all faces (for a round, of its wall)
+    narrow_face: Given | None = None  #: of the narrow faces, which sets the width
+    wide_face: Given | None = None  #: of the wide faces, which sets the height
     corner: Given | None = None  #: of the section at its corners; without it the faces stay plane
 
     @property
     def parts(self) -> dict[str, Given]:
-        """Those that are given, by key."""
+        """The given tapers, by key."""
         found = {f.name: getattr(self, f.name) for f in fields(self)}
         return {name: taper for name, taper in found.items() if taper is not None}
 
 
 PARTS = tuple(f.name for f in fields(Perimeter))
-"""Keys of a taper given by parts of the perimeter."""
+"""Keys of a taper given by face or corner."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,8 +161,8 @@ def _segments(given: Sequence[Any]) -> tuple[TaperSegment, ...]:
                 raise ValueError("'to' is missing; only the last segment may leave it out")
             if segment.end is not None and above is not None and segment.end <= above:
                 raise ValueError(
-                    f"'to' ({1e3 * segment.end:g} mm) does not lie beyond the end of the segment "
-                    f"before ({1e3 * above:g} mm)"
+                    f"'to' ({1e3 * segment.end:g} mm) does not lie beyond the end of the "
+                    f"previous segment ({1e3 * above:g} mm)"
                 )
         except ValueError as error:
             raise ValueError(f"segment {number}: {error}") from None
@@ -171,7 +171,7 @@ def _segments(given: Sequence[Any]) -> tuple[TaperSegment, ...]:
 
 
 def _segment(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> TaperSegment:
-    """Read one segment whose taper stands under `keys`: one of it, or its top and its exit."""
+    """Read one segment: `keys` name its single taper, or those at its top and exit."""
     allowed = (*(("to",) if ends else ()), *keys)
     for key in given:
         if key not in allowed:
@@ -193,7 +193,7 @@ def _segment(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> 
 
 
 def _value(given: object) -> float:
-    """Return a taper, 1/m; it is a few percent per metre, what is far beyond was a slip."""
+    """Return a taper, 1/m; values far beyond a few percent per metre are refused as mistakes."""
     if slope := _SLOPE.fullmatch(str(given)):
         size = f"{abs(float(slope[1])) * 100.0:g} mm"
         raise ValueError(

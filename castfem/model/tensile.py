@@ -1,4 +1,4 @@
-"""The other kind of case: a tensile test of a constitutive law, told by its table [tensile]."""
+"""A tensile test of a constitutive law: the kind of case with a table [tensile]."""
 
 from __future__ import annotations
 
@@ -54,46 +54,47 @@ PoissonOfTemperature = Annotated[
 
 
 class Segment(TableModel):
-    """A part of the test at one strain rate."""
+    """A part of the test with a constant strain rate."""
 
     rate: StrainRate
-    """axial strain rate; negative: compression or unloading, 0: held"""
+    """axial strain rate; negative for compression or unloading, 0 for a hold"""
     duration: Time = Field(examples=["10 s"])
-    """how long it lasts"""
+    """duration of the segment"""
 
 
 class Tensile(TableModel):
-    """A tensile test, in place of a strand: beside it only title, references, `output.figures`.
+    """A tensile test instead of a strand; besides it only title, references and `output.figures`.
 
-    A bar with free sides is strained along its axis in segments of constant rate.
+    A bar with free sides is strained axially in segments of constant rate.
     """
 
     material: Material
     """constitutive law: a shipped set, a TOML file of your own, or the table [tensile.material]
-    with what such a file holds (docs/laws.md)"""
+    with the content of such a file (docs/laws.md)"""
     carbon: Percent | None = Field(None, examples=[0.1])
-    """carbon of the steel in weight percent, for laws that go by it"""
+    """carbon content of the steel in weight percent, for laws that depend on it"""
     elasticity: str = "elastic_steel"
-    """elastic part: a shipped set, or a TOML file of your own"""
+    """elastic law: a shipped set, or a TOML file of your own"""
     young: YoungOfTemperature | None = None
-    """Young's modulus in place of that of the set"""
+    """Young's modulus, instead of that of the set"""
     poisson: PoissonOfTemperature | None = None
-    """Poisson's ratio in place of that of the set"""
+    """Poisson's ratio, instead of that of the set"""
     temperature: TemperatureOfTime = Field(examples=["1100 degC"])
-    """of the bar; a table is over the time since the start, or since that of each cycle"""
+    """temperature of the bar; a table over time counts from the start, or from the start of each
+    cycle"""
     expansion: Expansion = written("0 1/K")
-    """mean thermal expansion from the temperature of the start; the segments give the total strain,
-    the law sees what is left of it"""
+    """mean thermal expansion coefficient from the start temperature; the segments give the total
+    strain, and the law the rest after thermal strain"""
     steps: Annotated[int, AfterValidator(_at_least_one)] = Field(200, strict=True)
     """time steps in each segment"""
     segment: tuple[Segment, ...] = Field(min_length=1)
     """parts of the test, in order"""
     cycles: Annotated[int, AfterValidator(_at_least_one)] = Field(1, strict=True)
-    """how often the segments and the temperature are gone through"""
+    """number of repetitions of the segments and the temperature"""
 
 
 class TensileOutput(TableModel):
-    """What a tensile test writes."""
+    """Output of a tensile test."""
 
     figures: bool = Field(True, strict=True)
     """draw the figure at the end of the run"""
@@ -122,7 +123,7 @@ class TensileCase(TableModel):
         return tomli_w.dumps(self.document())
 
     def physics_hash(self) -> str:
-        """Return a hash of all that the results depend on; property files count by content."""
+        """Return a hash of all input of the results; property files count by content."""
         physics = self.model_dump(mode="json", exclude_none=True, exclude=_NOT_PHYSICS)
         table = physics[TABLE]
         for key in ("material", "elasticity"):
@@ -136,7 +137,7 @@ class TensileCase(TableModel):
 
 @check_test("tensile")
 def _too_many(case: TensileCase, table: Tensile) -> Faults:
-    """Yield steps that would be too many to come to an end."""
+    """Report more steps than a test could ever finish."""
     count = table.steps * table.cycles * len(table.segment)
     most = 1_000_000  # some ten minutes
     if count > most:
@@ -147,7 +148,7 @@ def _too_many(case: TensileCase, table: Tensile) -> Faults:
 
 @check_test("tensile")
 def _comes_back(case: TensileCase, table: Tensile) -> Faults:
-    """Yield a temperature that does not come back after a cycle."""
+    """Report a temperature that differs at the end of a cycle from its start."""
     if table.cycles == 1 or not isinstance(table.temperature, Table):
         return
     end = sum(part.duration for part in table.segment)

@@ -30,27 +30,27 @@ PetscOption = Annotated[
 
 
 _BOUNDED = "rtol", "atol", "stol", "max_it", "max_funcs"
-"""Ends of the names of PETSc's tolerances and counts; of a negative one it takes one of its own."""
+"""Endings of PETSc's tolerances and limits; PETSc replaces negative values by its defaults."""
 
 
 def negative_options(options: Mapping[str, Any]) -> Faults:
-    """Yield the tolerances and counts in a table `solver` that are negative."""
+    """Report negative tolerances and limits in a table `solver`."""
     for name, value in options.items():
         if not name.endswith(_BOUNDED):
             continue
-        with suppress(ValueError):  # PETSc says what is no number
+        with suppress(ValueError):  # PETSc reports what is not a number
             if float(value) < 0.0:
                 fix = "leave it out, or give a positive number"
                 yield f"solver.{name}", f"({value}): must not be negative; {fix}"
 
 
 class Adaptive(TableModel):
-    """Steps chosen from an estimate of the error in time."""
+    """Adaptive time steps from an estimate of the time discretisation error."""
 
     tolerance: PositiveDifference = written("0.5 K")
-    """error allowed in one step"""
+    """allowed error of one step"""
     first: Time = written("1 ms")
-    """first step, and after each change of zone"""
+    """first step, also after each change of zone"""
     smallest: Time = written("0.01 ms")
     """smallest step; the run fails below it"""
     largest: Time = written("0.5 s")
@@ -58,14 +58,14 @@ class Adaptive(TableModel):
 
 
 class Stepping(TableModel):
-    """Steps in time: `step` for fixed ones or [thermal.time.adaptive], the default."""
+    """Time steps: `step` for fixed ones, or [thermal.time.adaptive], the default."""
 
     scheme: Literal["sdirk2", "backward_euler"] = "sdirk2"
     """second-order L-stable scheme, or first-order backward Euler"""
     step: Time | None = Field(None, examples=["50 ms"])
     """fixed step"""
     adaptive: Adaptive | None = None
-    """bounds of steps that adapt themselves"""
+    """settings of adaptive steps"""
 
     @model_validator(mode="before")
     @classmethod
@@ -81,9 +81,9 @@ class Thermal(TableModel):
     form: Literal["enthalpy"] = "enthalpy"
     """form of the heat equation"""
     solver: dict[str, PetscOption] = Field(default_factory=dict)
-    """PETSc options of the nonlinear solver, merged over ours"""
+    """PETSc options of the nonlinear solver; they take precedence over castfem's"""
     time: Stepping = Field(default_factory=lambda: Stepping.model_validate({}))
-    """steps in time"""
+    """time steps"""
 
 
 @check("thermal")
@@ -104,33 +104,33 @@ def _bounds(case: Any, bounds: Adaptive) -> Faults:
 
 
 class Verification(TableModel):
-    """A closed form: the run ends with what it expects and how far off the run is."""
+    """A closed form with which the run is compared at its end."""
 
     closed_form: Literal["alloy_similarity", "neumann", "weiner_boley"]
-    """half-space chilled to one temperature, of constant properties: an alloy with a solid fraction
-    linear in temperature; a melt that freezes at one temperature; stress in the elastic, perfectly
-    plastic shell of Weiner and Boley"""
+    """a half-space of constant properties chilled to one temperature. alloy_similarity: an alloy
+    whose solid fraction is linear in temperature; neumann: a melt that freezes at one temperature;
+    weiner_boley: stress in the elastic, perfectly plastic shell"""
 
 
 @check("verification")
 def _is_that_case(case: Case, table: Verification) -> Faults:
-    """Yield what makes the case another one than that of its closed form."""
+    """Report differences between the case and that of its closed form."""
     key, name = "closed_form", table.closed_form
     if not isinstance(case.section, Strip):
-        yield key, f'("{name}") is of a half-space: give section.shape = "strip"'
+        yield key, f'("{name}") is for a half-space: give section.shape = "strip"'
     laws = [law for zone in case.cooling for law in zone.surface]
     if len(laws) != 1 or not isinstance(laws[0], PrescribedTemperature):
         fix = 'give one cooling zone with one law = "temperature"'
-        yield key, f'("{name}") is of a surface held at one temperature: {fix}'
+        yield key, f'("{name}") is for a surface held at one temperature: {fix}'
     if name != "weiner_boley":
         return
     if case.mechanics is None:
-        yield key, f'("{name}") is of stress: give the table [mechanics]'
+        yield key, f'("{name}") is for stress: give the table [mechanics]'
     elif case.mechanics.law != name:
-        yield key, f'("{name}") is of its own law: give mechanics.law = "{name}"'
+        yield key, f'("{name}") needs its own law: give mechanics.law = "{name}"'
     elif case.mechanics.strain != "small":
-        yield key, f'("{name}") is of small strains: give mechanics.strain = "small"'
+        yield key, f'("{name}") is for small strains: give mechanics.strain = "small"'
     elif case.coupling.follow_shape:
-        yield key, f'("{name}") is of the slice as it was cast: give coupling.follow_shape = false'
+        yield key, f'("{name}") is for the undeformed slice: give coupling.follow_shape = false'
     elif case.coupling.dissipation:
         yield key, f'("{name}") has no heat of flow: give coupling.dissipation = 0'

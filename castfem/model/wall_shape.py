@@ -1,10 +1,10 @@
-"""How a displaced wall is written: in columns, or in a CSV file with a head of names and units.
+"""Notation of a displaced wall: columns, or a CSV file with a header of names and units.
 
     position [mm], way [mm], x [mm], y [mm]
     0, 0, 0.112, 0
     0, 12.5, 0.111, 0.021
 
-A row for every place at every position: how far it has moved, in x and y.
+One row for each place at every position: the displacement of the wall in x and y.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _COLUMNS = Columns(
 class WallShape(Notation):
     """Annotation of a field that takes a displaced wall."""
 
-    #: in words, for the reference page
+    #: as text, for the reference page
     takes: str = 'CSV file `{ file = "wall.csv" }`, or its columns'
 
     def read(self, given: object) -> WallDisplacement:
@@ -70,7 +70,7 @@ def gathered(rows: Array) -> WallDisplacement:
     """Return the wall of rows (n, 4) in any order, m.
 
     Raises:
-        ValueError: They do not make up a table of all places at all positions.
+        ValueError: They do not form a complete table of places and positions.
     """
     positions, ways = np.unique(rows[:, 0]), np.unique(rows[:, 1])
     if len(rows) != len(positions) * len(ways):
@@ -81,12 +81,12 @@ def gathered(rows: Array) -> WallDisplacement:
     order = np.lexsort((rows[:, 1], rows[:, 0]))
     moved = rows[order, 2:].reshape(len(positions), len(ways), 2)
     if not (rows[order, 1].reshape(len(positions), -1) == ways).all():
-        raise ValueError("a place stands twice at one position of the displaced wall")
+        raise ValueError("a place appears twice at one position of the displaced wall")
     return WallDisplacement(positions, ways, moved)
 
 
 def write_wall(path: Path, wall: WallDisplacement, about: str) -> None:
-    """Write a displaced wall to a CSV file, whole or not at all."""
+    """Write a displaced wall to a CSV file, atomically."""
     lines = [f"# {about}", _COLUMNS.header]
     lines += [", ".join(f"{1e3 * cell:.9g}" for cell in row) for row in flat(wall)]
     try:

@@ -1,7 +1,7 @@
-"""Spray water by what it cools: per mass of steel, or as shares of a total; it follows the speed.
+"""Spray water per mass of steel, or as shares of a total; it follows the casting speed.
 
-The steel that passes has the mass per length of the section as cast, at the density of the solidus:
-with that the shell is formed, and by it the strand keeps its mass while it shrinks.
+The mass of passing steel is that of the section as cast, at the density of the solidus: the shell
+forms with this density, and the strand keeps its mass while it shrinks.
 """
 
 from __future__ import annotations
@@ -41,20 +41,20 @@ WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", samp
 _SAMPLES = {
     "water": '"5 L/(m^2 s)"', "flow": '"240 L/min"', "specific": '"0.3 L/kg"', "share": "0.3",
 }  # fmt: skip
-PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
+PER_LITRE_AND_KG = 1e3  # converts L/kg to m3/kg
 
 
 class Water(TableModel):
-    """Spray water of the whole strand, of which zones and circuits take shares; one of the two."""
+    """Spray water of the whole strand, shared by zones and circuits: `specific` or `flow`."""
 
     specific: SpecificWater | None = Field(None, examples=["0.8 L/kg"])
     """water per mass of steel; its flow follows the casting speed"""
     flow: ZoneFlow | None = Field(None, examples=["1200 L/min"])
-    """instead, its flow"""
+    """flow, instead of specific"""
 
 
 class Watered(Protocol):
-    """A spray of a zone, or a circuit: what tells its water."""
+    """Anything with water: the spray of a zone, or a circuit."""
 
     flow: Flow | None
     specific: float | None
@@ -63,11 +63,11 @@ class Watered(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """Converts the given amount of water to its flow."""
+    """Converts an amount of water as given into a flow."""
 
     mass: float  #: of the strand per length, kg/m
-    travel: Travel  #: has the casting speed
-    total: Water | None  #: water of the whole strand; None where the case does not tell it
+    travel: Travel  #: gives the casting speed
+    total: Water | None  #: water of the whole strand; None if the case does not give it
     clock: float = 0.0  #: when the slice leaves the meniscus, on the clock of flows over time, s
 
     def flow(self, told: Watered) -> Flow:
@@ -79,7 +79,7 @@ class Supply:
         return self._of(told.flow, told.specific)
 
     def most(self, told: Watered) -> float:
-        """Return the largest flow, m3/s: over the casting speed, of the speeds that are cast."""
+        """Return the largest flow, m3/s; of a table over casting speed, at the speeds cast."""
         flow = self.flow(told)
         if not isinstance(flow, Table) or flow.over != "speed":
             return largest(flow)
@@ -88,7 +88,7 @@ class Supply:
         return max(float(flow(speed)) for speed in (slowest, *within, fastest))
 
     def specific(self, told: Watered) -> float:
-        """Return the water per mass of steel, m3/kg, of the largest flow at the fastest speed."""
+        """Return the water per mass of steel, m3/kg, for the largest flow at the highest speed."""
         return self.most(told) / (self.mass * self.travel.fastest)
 
     def _of(self, flow: Flow | None, specific: float | None) -> Flow:
@@ -103,7 +103,7 @@ class Supply:
 
 
 def seen_by_slice(flow: Flow, clock: float) -> Flow:
-    """Return a flow over time by a clock as one over the time of a slice that starts at `clock`."""
+    """Convert a flow over clock time into one over the time of a slice that starts at `clock`."""
     if not isinstance(flow, Table) or flow.over != "time" or clock == 0.0:
         return flow
     later = [(t - clock, v) for t, v in zip(flow.arguments, flow.values, strict=True) if t > clock]
@@ -118,7 +118,7 @@ def steel_per_length(mesh: SectionMesh, steel: Steel) -> float:
 
 
 def largest(flow: Flow) -> float:
-    """Return the largest flow of a table, m3/s, or the one there is."""
+    """Return the largest flow of a table, m3/s, or the number itself."""
     return max(flow.values) if isinstance(flow, Table) else flow
 
 
@@ -135,7 +135,7 @@ def _total(case: Case, water: Water) -> Faults:
 
 @check()
 def _told(case: Case, _: object) -> Faults:
-    """Yield water that is given twice or not at all."""
+    """Report water that is given twice or not at all."""
     for key, place in _places(case):
         ways = {way: text for way, text in _SAMPLES.items() if way in type(place).model_fields}
         for below, text in one_of(place, ways):
@@ -154,7 +154,7 @@ def _shares(case: Case, _: object) -> Faults:
             yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
     elif not shares:
         yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
-    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares of three digits
+    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares have three digits
         yield "water", f"the shares of its zones and circuits make {whole:.6g}, not 1"
 
 

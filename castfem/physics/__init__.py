@@ -1,1 +1,1 @@
-"""The problems: steels, laws, heat, mechanics, the machine and the mould."""
+"""Physics: materials, constitutive laws, heat, mechanics, contact, machine and mould."""

@@ -1,1 +1,1 @@
-"""Figures, tables and words on finished runs."""
+"""Figures, tables and texts on finished runs."""

@@ -1,9 +1,8 @@
-"""Whether a case may be run in a folder that holds a run already.
+"""Decides whether a case may be run in a folder that already holds a run.
 
-A new run into the folder of a run of the same physics replaces it, and a resumed run goes on with
-it. A run of other physics, or one that has come further down than the new one is to go, is kept,
-unless the user says --overwrite. Which files are castfem's, and that no others are touched, is the
-business of `castfem.runs.output.folder`.
+A new run replaces a run of the same physics, and a resumed run continues it. A run of other
+physics, or one that has come further down than the new one will, is kept unless --overwrite is
+given. `castfem.runs.output.folder` knows which files are castfem's, and touches no others.
 """
 
 from __future__ import annotations
@@ -50,15 +49,15 @@ def check(
     script: bool = False,
     goes_on: bool = False,
 ) -> None:
-    """Refuse a folder whose run is of other physics than the case, or has come further down.
+    """Refuse a folder whose run has other physics than the case, or has come further down.
 
     Args:
-        folder: Where the run shall go.
-        case: What is to be run.
-        resume: Whether it goes on with the run there.
-        overwrite: Whether any run there may be replaced.
-        script: Whether messages speak to a script; otherwise to the command line.
-        goes_on: Whether a run that was cut short there is taken up all the same: one of several.
+        folder: Intended output folder.
+        case: Case to run.
+        resume: Whether the existing run is continued.
+        overwrite: Whether any existing run may be replaced.
+        script: Whether messages address a script instead of the command line.
+        goes_on: Whether an interrupted run there is continued in any case, as in a sweep.
     """
     other, fresh, replace = _SCRIPT if script else _COMMAND
     if folder.exists() and not folder.is_dir():
@@ -78,7 +77,7 @@ def check(
 
 
 def _changes(there: AnyCase, here: AnyCase) -> str:
-    """In which keys two cases differ; property files by content, for a run has copies of them."""
+    """Keys in which two cases differ; property files are compared by content."""
     one, other = there.document(), here.document()
     if isinstance(there, Case) and isinstance(here, Case):
         before, now = there.physics(), here.physics()
@@ -94,14 +93,14 @@ def _changes(there: AnyCase, here: AnyCase) -> str:
 
 
 def _check_length(folder: Path, case: Case, resume: bool, fix: str, goes_on: bool) -> None:
-    """Refuse to replace a run by a shorter one, or to resume one to above where it has come."""
+    """Refuse to replace a run by a shorter one, or to resume one to a position it has passed."""
     record, end = RunRecord.load(folder), case.casting.length
     reached = record.reached.get("position", 0.0)
     if not same_or_before(reached, end):
         if resume:
-            fix = f"a resumed run goes further down: give at least {reached:g} m, or {fix}"
+            fix = f"a resumed run must go further down: give at least {reached:g} m, or {fix}"
         raise InputError(
-            f"{folder}: casting.length: {end:g} m is asked for, and the run there has come to "
+            f"{folder}: casting.length: {end:g} m is requested, but the run there has reached "
             f"{reached:g} m; {fix}"
         )
     if not (resume or goes_on) and record.status != "finished" and reached > 0.0:

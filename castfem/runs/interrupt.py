@@ -1,7 +1,7 @@
-"""A wish to stop a run: obeyed between two steps, for within PETSc an exception would be lost.
+"""Stops a run on a signal, between two steps, since within PETSc an exception would be lost.
 
-The signals are Ctrl-C, SIGTERM, which batch systems send before they kill, SIGHUP, and SIGUSR1,
-which mpirun passes on to its ranks without killing them.
+The signals are Ctrl-C, SIGTERM (sent by batch systems before they kill), SIGHUP, and SIGUSR1, which
+mpirun passes on to its ranks without killing them.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from castfem.base import log, process
 from castfem.base.atomic_files import Closing
 
 USR1 = signal.SIGUSR1
-ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
+ONE = 1.0  # s: `timeout`, for example, signals the program and then its group
 
 
 class Stopped(KeyboardInterrupt):
-    """A run was stopped after a step that is kept, the same one on all ranks; it may be resumed."""
+    """A run was stopped after a saved step, the same on all ranks; it may be resumed."""
 
 
 class Interrupt(Closing):
-    """While it is entered, the first signal to stop is only noted; a later one acts at once.
+    """Context in which the first stop signal is only recorded; a later one acts at once.
 
-    SIGUSR1 never does: a batch system that signals a whole job reaches a rank twice, itself and
-    through mpirun, and Python runs the handler of the second only when the rank no longer waits
-    within MPI for the others, which can be seconds later.
+    SIGUSR1 never acts at once: a batch system that signals a whole job reaches a rank twice,
+    directly and through mpirun, and Python runs the handler of the second only when the rank no
+    longer waits within MPI for the others, which can be seconds later.
 
-    It leaves signals alone that somebody else handles, and off the main thread, where Python
-    delivers none.
+    Signals that have another handler are left alone, and so are all off the main thread, where
+    Python delivers none.
 
     Args:
-        comm: Ranks that run together: a signal to any of them stops all.
+        comm: Ranks of the run: a signal to any of them stops all.
 
     Attributes:
-        wanted: Number of the signal by which this rank was asked to stop, 0 for none.
+        wanted: Number of the signal that asked this rank to stop, 0 for none.
     """
 
     def __init__(self, comm: MPI.Comm) -> None:
@@ -48,12 +48,12 @@ class Interrupt(Closing):
         self._previous: dict[signal.Signals, Any] = {}
 
     def check(self) -> None:
-        """Stop here if that is wanted (collective)."""
+        """Stop here if a signal has requested it (collective)."""
         comm = self._comm
         number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
         if number:
             stop = Stopped(process.STOPS[signal.Signals(number)])
-            stop.add_note("The last step is kept; resume=True goes on from it.")
+            stop.add_note("The last step is kept; resume=True continues from it.")
             raise stop
 
     def __enter__(self) -> Self:
@@ -64,7 +64,7 @@ class Interrupt(Closing):
         return self
 
     def close(self) -> None:
-        """Let the signals do what they did before, SIGUSR1 if it has not stopped this."""
+        """Restore the previous handlers; that of SIGUSR1 only if it has not stopped this run."""
         while self._previous:
             number, previous = self._previous.popitem()
             signal.signal(number, process.told if number == self.wanted == USR1 else previous)

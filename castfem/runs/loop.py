@@ -1,4 +1,4 @@
-"""The time loop: from the meniscus to the end of the followed length, and the run around it."""
+"""The time loop from the meniscus to the end of the followed length, and the run around it."""
 
 from __future__ import annotations
 
@@ -44,47 +44,47 @@ Named = dict[str, Quantity]
 
 
 class StepRecord(Protocol):
-    """What keeps the committed steps."""
+    """Processes the committed steps."""
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Take in one committed step (collective)."""
+        """Process one committed step (collective)."""
 
 
 class Companion(StepRecord, Protocol):
-    """What goes along with a run and its files, such as its derivatives."""
+    """Computes something else during a run, such as its derivatives."""
 
     def finish(self, run: RunState) -> None:
-        """Write what it has found, before the run is said to have finished (collective)."""
+        """Write its results before the run is recorded as finished (collective)."""
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
 
 
 class _Both:
-    """Two that keep the committed steps, one after the other."""
+    """Passes each committed step to two records, one after the other."""
 
     def __init__(self, first: StepRecord, second: StepRecord) -> None:
         self._each = first, second
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Take in one committed step (collective)."""
+        """Process one committed step (collective)."""
         for one in self._each:
             one.step(run, sample)
 
 
 class TimeLoop:
-    """Takes a simulation from the meniscus to the end of the followed length, step by step.
+    """Advances a simulation from the meniscus to the end of the followed length.
 
     Args:
-        simulation: What to run.
-        recorder: Where committed steps are written; None for a run in memory.
-        progress: Notified after each step; None for silence.
-        interrupt: Asked before each step whether to stop there.
-        unsampled: Takes in a committed step without results, and says whether it did; None where
-            the results of each step are read.
+        simulation: The simulation to run.
+        recorder: Writes the committed steps; None for a run in memory.
+        progress: Called after each step; None for none.
+        interrupt: Checked before each step.
+        unsampled: Processes a committed step without sampling its results, and returns whether it
+            did; None to sample each step.
 
     Attributes:
-        run_state: Where the run stands.
+        run_state: State of the run.
     """
 
     def __init__(
@@ -101,10 +101,10 @@ class TimeLoop:
         self._released = False
 
     def run(self, until: float = math.inf) -> Sample:
-        """Go to the end of the followed length, or to an instant before, s, that a step ends at.
+        """Advance to the end of the followed length, or to a time before, s, where a step ends.
 
         Raises:
-            RunFailure: If a step cannot be saved; the committed state stays as it was.
+            RunFailure: A step cannot be saved; the committed state is unchanged.
         """
         run, control = self.run_state, self.simulation.control
         if run.sample is None:
@@ -119,7 +119,7 @@ class TimeLoop:
         return run.sample
 
     def _enter_zone(self) -> None:
-        """Change the cooling if the slice has come to the next zone."""
+        """Change the cooling if the slice has entered the next zone."""
         run, simulation = self.run_state, self.simulation
         zone = simulation.zones.index(run.state.time)
         if zone != run.zone:
@@ -130,10 +130,10 @@ class TimeLoop:
             run.zone = zone
 
     def advance(self) -> None:
-        """Take one step, or with mechanics one coupling window: try, cut back if need be, commit.
+        """Take one step, or with mechanics one coupling window; shorten it if needed; commit it.
 
         Raises:
-            RunFailure: At the smallest step.
+            RunFailure: A step of the smallest size failed.
         """
         run, before = self.run_state, self._iterations()
         counts = run.counts
@@ -161,7 +161,7 @@ class TimeLoop:
         self._record(substeps, result)
 
     def _attempt(self) -> tuple[SubSteps | CouplingWindow, int]:
-        """A thermal step or a coupling window that can be kept, and how many windows could not."""
+        """Return an accepted thermal step or coupling window, and the number rejected."""
         simulation, state = self.simulation, self.run_state.state
         if simulation.coupling is None or self._released:
             return simulation.steps.one(state.thermal, state.step), 0
@@ -172,12 +172,12 @@ class TimeLoop:
         return take_window(simulation.coupling, state, simulation.control)
 
     def _iterations(self) -> tuple[int, int]:
-        """Newton iterations in this process, of temperature and mechanics."""
+        """Newton iterations of this process, thermal and mechanical."""
         mechanics = self.simulation.mechanics
         return self.simulation.problem.iterations, mechanics.problem.iterations if mechanics else 0
 
     def _open_mould(self) -> str:
-        """Return where liquid has no wall to hold it: what no step can solve, however short."""
+        """Return where liquid has lost the wall, which no step, however short, can solve."""
         case = self.simulation.case
         if case.mechanics is None or case.mould is None:
             return ""
@@ -202,7 +202,7 @@ class TimeLoop:
         self._tell(substeps, mechanical)
 
     def _tell(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
-        """Tell of a committed step."""
+        """Log a committed step."""
         run = self.run_state
         if self.progress is not None:
             newton = sum(step.newton for step in (substeps, mechanical) if step is not None)
@@ -212,9 +212,9 @@ class TimeLoop:
 
     def _keep_snapshot(self, sample: Sample) -> None:
         case, machine = self.simulation.case, self.simulation.machine
-        # The end too: a run that goes on from there has its number at a station.
+        # The end included: a run that continues from there has its number at a station.
         for position in {r.at for r in case.reference if r.at is not None}:
-            # Where the strand stands the slice is at a place more than once: the first time counts.
+            # A stopped strand passes a position more than once: the first time counts.
             if same_instant(sample.time, machine.time_at(position), self.simulation.control.end):
                 self.run_state.snapshots[position] = quantities(sample)
 
@@ -223,7 +223,7 @@ def begin_folder(case: Case, output: OutputFolder, comm: MPI.Comm, resume: bool)
     """Begin the folder of a run and its log (collective).
 
     Returns:
-        Whether there is a checkpoint to go on from.
+        Whether there is a checkpoint to continue from.
 
     Raises:
         InputError: The folder cannot be used.
@@ -234,7 +234,9 @@ def begin_folder(case: Case, output: OutputFolder, comm: MPI.Comm, resume: bool)
         goes_on = output.begin(text, files=files, ranks=comm.size, resume=resume)
         log.to_file(output / "run.log", append=goes_on)
         if resume and not goes_on:
-            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", output.path)
+            log.logger.warning(
+                "%s: no checkpoint to continue from; the run starts again", output.path
+            )
         return goes_on
 
     return bool(comm.bcast(on_root(comm, begin)))
@@ -254,28 +256,28 @@ def run(
     """Run `case` and write everything into `folder` (collective).
 
     Args:
-        case: What to run.
-        folder: Where the results go; see docs/output.md.
-        comm: Communicator; all ranks when None.
-        resume: Go on from the checkpoint in `folder`; where there is none yet, begin.
-        profile: Log where the time went.
-        progress: Told after each step; on rank 0.
-        beside: Makes what goes along with the built run; it begins with the run, so that none goes
-            along with one that is resumed.
+        case: The case.
+        folder: Output folder; see docs/output.md.
+        comm: Communicator; None for all ranks.
+        resume: Continue from the checkpoint in `folder`; start from the beginning if there is none.
+        profile: Log where the time was spent.
+        progress: Called after each step, on rank 0.
+        beside: Makes a companion of the built run, such as one for its derivatives; not for a
+            resumed run.
 
     Returns:
         The summary, on every rank.
 
     Raises:
         InputError: The case, the folder or the checkpoint cannot be used.
-        RunFailure: The run cannot go on; the last good state is on disk.  It is so, too, after
-            any other error of a run on one rank.  What one of several ranks meets alone ends all:
-            it is reported on stderr, and the last checkpoint is on disk.
+        RunFailure: The run failed; the last good state is on disk. This also holds for any other
+            error of a run on one rank. An error on one of several ranks ends all: it is reported on
+            stderr, and the last checkpoint is on disk.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     output = OutputFolder(folder)
     resume = begin_folder(case, output, comm, resume)
-    # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
+    # In reverse order: failing ranks meet before shared objects are freed.
     together = Together(
         comm, (RunFailure, Stopped), lambda error: output.fail(reason_to_end(error))
     )
@@ -292,12 +294,12 @@ def run(
 
 
 def _tell_of_idle_ranks(simulation: Simulation) -> None:
-    """Say that fewer than 1000 vertices a rank take longer than on one (collective)."""
+    """Warn that fewer than 1000 vertices per rank take longer than on one rank (collective)."""
     comm = simulation.section.comm
     each = reductions.total(comm, simulation.section.owned) / comm.size
     if comm.size > 1 and each < 1000 and comm.rank == 0:
         log.logger.info(
-            "%.0f vertices on each of %d ranks: so few are slower than one rank, for the ranks "
+            "%.0f vertices on each of %d ranks: this is slower than one rank, because they "
             "wait for each other (docs/benchmarks.md); castfem sweep makes several runs at once",
             each, comm.size,
         )  # fmt: skip
@@ -312,7 +314,7 @@ def _run(
     profile: bool,
     progress: Progress | None,
 ) -> Summary:
-    """Run a built simulation with its files open."""
+    """Run a built simulation whose files are open."""
     comm, watch = simulation.section.comm, simulation.watch
     interrupt = Interrupt(comm)
     records = recorder if companion is None else _Both(recorder, companion)
@@ -324,15 +326,15 @@ def _run(
         restart.restore(run_state, *recorder.checkpoint)
     if progress is not None:
         progress.start(simulation.case.casting.length, run_state.position)
-    with interrupt:  # until all is saved, for the same signal may come twice
+    with interrupt:  # until everything is saved, since the same signal may come twice
         try:
             with watch.section("time loop"):
                 loop.run()
             if companion is not None:
                 companion.finish(run_state)
         except BaseException as error:
-            # Saving takes all ranks.  Failures and stops they raise together; after anything else
-            # they may stand at different places: then the checkpoint before must do.
+            # Saving needs all ranks. They raise failures and stops together; after any other error
+            # they may be at different places, so that the last checkpoint must do.
             if together.meet(error):
                 _leave(run_state, recorder, output, error)
             raise
@@ -349,19 +351,19 @@ def _run(
 
 
 def _leave(run: RunState, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
-    """Leave the last good state on disk after `error`, which nothing here may hide (collective)."""
+    """Save the last good state after `error`, which must not be hidden here (collective)."""
     try:
         if run.fall_back():
             recorder.save(run)
         stopped = isinstance(error, KeyboardInterrupt)
         _finish(run, output, "interrupted" if stopped else "failed", reason_to_end(error))
     except Exception as other:
-        if str(other) != str(error):  # as of a full disk, which ends the run and is told then
+        if str(other) != str(error):  # such as a full disk, which ends the run and is reported then
             log.logger.warning("the state could not be saved: %s", other)
 
 
 def reason_to_end(error: BaseException) -> str:
-    """Why a run ended, one line for run.json."""
+    """Reason why a run ended, as one line for run.json."""
     if isinstance(error, CastfemError):
         return str(error)
     if isinstance(error, KeyboardInterrupt):

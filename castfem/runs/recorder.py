@@ -1,4 +1,4 @@
-"""Writes what a run yields: history, fields, checkpoints.  Files are rank 0's business."""
+"""Writes the output of a run on rank 0: history, fields, checkpoints."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 from castfem.model.build.start import starting_time
 
 PAUSE = 1.0
-"""Between two checkpoints by the wall clock at least, s, where a case does not say how many."""
+"""Default for the shortest wall-clock time between two checkpoints, s."""
 
 
 class Recorder:
-    """Files of one run."""
+    """The output files of one run."""
 
     def __init__(self, simulation: Simulation, folder: OutputFolder, resume: bool = False) -> None:
         self.simulation, self.folder, self.comm = simulation, folder, simulation.section.comm
@@ -57,7 +57,7 @@ class Recorder:
 
     @cached_property
     def _physics(self) -> dict[str, str]:
-        """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
+        """The constant part of this run's checkpoints: its case (rank 0)."""
         return self.simulation.case.physics_record()
 
     def _open(self) -> None:
@@ -79,15 +79,15 @@ class Recorder:
             )
 
     def _open_for_resume(self) -> None:
-        """Read the checkpoint and cut what was written after it."""
+        """Read the checkpoint, and cut off what was written after it."""
         case = self.simulation.case
         self.checkpoint = load_checkpoint(self.folder / CHECKPOINT_NAME, **self._physics)
         time = float(self.checkpoint[0]["time"])
         if not same_or_before(time, case.casting.duration):
             come, length = self.simulation.machine.position(time), case.casting.length
             raise InputError(
-                f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is asked for, and "
-                f"the run has come to {come:g} m; give at least that, or run without "
+                f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is requested, but "
+                f"the run has reached {come:g} m; give at least that, or run without "
                 "--resume into another folder"
             )
         taken = Counts.restored(self.checkpoint[0]["counts"]).taken
@@ -98,17 +98,17 @@ class Recorder:
             self._fields = FieldWriter.resume(self.folder.path, time, names)
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Write one committed step: a row always, fields at output times, a checkpoint in turn.
+        """Write one committed step: always a row, fields at output times, a checkpoint when due.
 
         Raises:
-            RunFailure: On every rank, when a file cannot be written.
+            RunFailure: A file cannot be written; raised on every rank.
         """
         cells, fields = self._columns.row(sample), self._due_fields(run, sample)
         judged = run.sampler.quality
         mapped = [] if judged is None else judged.rows()
         followed = [one.rows(run.state, sample) for one in self._followed]
         taken = run.counts.taken
-        turn = self._every > 0 and taken % self._every == 0  # at the meniscus, too
+        turn = self._every > 0 and taken % self._every == 0  # also at the meniscus
         due = turn and self._pause_is_over()
         checkpoint = self._checkpoint(run) if due else None
 
@@ -128,14 +128,14 @@ class Recorder:
         on_root(self.comm, write)
 
     def _pause_is_over(self) -> bool:
-        """Whether the last checkpoint is long enough ago, by the clock of rank 0 (collective)."""
+        """Whether the last checkpoint is old enough, by the clock of rank 0 (collective)."""
         over: bool = self.comm.bcast(monotonic() - self._saved >= self._pause)
         if over:
             self._saved = monotonic()
         return over
 
     def begin_maps(self, run: RunState) -> None:
-        """Begin the maps, or go on with them; a case without [quality] has none."""
+        """Start or continue the maps; a case without [quality] has none."""
         judged = run.sampler.quality
         if judged is None:
             return
@@ -153,7 +153,7 @@ class Recorder:
         on_root(self.comm, begin)
 
     def begin_followed(self, run: RunState) -> None:
-        """Begin the files of probes and of the flux into the wall, or go on with them."""
+        """Start or continue the files of probes and of the flux into the wall."""
         case = self.simulation.case
         files: dict[str, Sequence[tuple[str, str]]] = {}
         if case.output.probe:
@@ -186,7 +186,7 @@ class Recorder:
         on_root(self.comm, begin)
 
     def _due_fields(self, run: RunState, sample: Sample) -> dict[str, Array] | None:
-        """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
+        """Fields at the nodes on rank 0 if this is an output time, otherwise None (collective)."""
         names = self.simulation.case.output_fields
         if not names or not self._is_due(sample.time):
             return None
@@ -197,7 +197,7 @@ class Recorder:
             owned["solid_fraction"] = np.asarray(self.simulation.steel.solid_fraction(kelvin))
         if run.sampler.mechanics is not None and state.mechanical is not None:
             strained = run.sampler.mechanics.fields(state.mechanical, names)
-            if state.strained is None:  # what is left of ended mechanics is the shape
+            if state.strained is None:  # after the end of the mechanics only the shape is left
                 strained = {n: v if n == "displacement" else np.full_like(v, np.nan)
                             for n, v in strained.items()}  # fmt: skip
             owned |= strained
@@ -213,13 +213,13 @@ class Recorder:
         return time <= begun or same_instant(time, nearest, end) or same_instant(time, end, end)
 
     def _checkpoint(self, run: RunState) -> tuple[dict[str, Any], dict[str, Array | None]]:
-        """What a checkpoint of the committed state holds (collective: results may be sums)."""
+        """The content of a checkpoint of the committed state (collective: results may be sums)."""
         return restart.description(run), restart.arrays(run)
 
     def _save(
         self, run: RunState, description: dict[str, Any], state: dict[str, Array | None]
     ) -> None:
-        """Save a checkpoint and note how far the run has come (rank 0)."""
+        """Save a checkpoint, and record how far the run has come (rank 0)."""
         arrays = {name: values for name, values in state.items() if values is not None}
         if self._history is not None:
             self._history.sync()
@@ -236,14 +236,14 @@ class Recorder:
         on_root(self.comm, lambda: self._save(run, *checkpoint))
 
     def close(self) -> None:
-        """Close the files; what was written is complete without it."""
+        """Close the files; what was written is complete without this."""
         for thing in (self._history, self._fields, *self._maps, *self._followed_files.values()):
             if thing is not None:
                 thing.close()
 
 
 def _by_component(gather: Callable[[Array], Array | None], owned: Array) -> Array | None:
-    """Vertex values (owned, ...) of all ranks on rank 0, a component at a time (collective)."""
+    """Gather vertex values (owned, ...) on rank 0, one component at a time (collective)."""
     if owned.ndim == 1:
         return gather(owned)
     parts = [gather(np.ascontiguousarray(component)) for component in owned.T]

@@ -1,4 +1,4 @@
-"""The committed state of a run as a checkpoint holds it, and back."""
+"""Converts the committed state of a run to the content of a checkpoint and back."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from castfem.runs.results.summary import last_results
 
 Named = dict[str, Quantity]
 
-# Arrays of the thermal state: name in a checkpoint, attribute.
+# Arrays of the thermal state: name in the checkpoint, attribute.
 STATE = {"enthalpy": "enthalpy", "rate": "rate", "course": "next_rate"}
 
 
 def arrays(run: RunState) -> dict[str, Array | None]:
-    """The arrays of the committed state, whole on rank 0 (collective)."""
+    """Return the arrays of the committed state, complete on rank 0 (collective)."""
     gather, state = run.simulation.section.gather, run.state
     found = {name: gather(getattr(state.thermal, own)) for name, own in STATE.items()}
     if run.simulation.problem.shape is not None:
@@ -37,14 +37,14 @@ def arrays(run: RunState) -> dict[str, Array | None]:
 
 
 def description(run: RunState) -> dict[str, Any]:
-    """All of the committed state that is not an array (collective)."""
+    """Return everything in the committed state that is not an array (collective)."""
     thermal, mechanical = run.state.thermal, run.state.mechanical
     results, forces = last_results(run)
     found: dict[str, Any] = {
         "time": thermal.time,
         "removed": thermal.removed,
         "generated": thermal.generated,
-        # Without end where a flux is given, which JSON has no number for.
+        # Infinite where a flux is prescribed, which JSON cannot express.
         "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
         "fed": thermal.fed,
         "counts": run.counts.stored(),
@@ -67,7 +67,7 @@ def description(run: RunState) -> dict[str, Any]:
 
 
 def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> None:
-    """Go on from a checkpoint: `description` and arrays by node (on every rank)."""
+    """Restore a checkpoint from `description` and arrays by node (on every rank)."""
     nodes = run.simulation.section.node_of_owned
     enthalpy, rate, next_rate = (np.asarray(by_node[name])[nodes] for name in STATE)
     filled = np.asarray(by_node["filled"])[nodes] if "filled" in by_node else None

@@ -1,4 +1,4 @@
-"""Results of a run, read from its folder when they are asked for."""
+"""Results of a run, read from its folder on request."""
 
 from __future__ import annotations
 
@@ -28,35 +28,35 @@ class Snapshot:
     """The fields of a run at one time."""
 
     time: float  #: since the meniscus, s
-    position: float  #: below the meniscus, m
+    position: float  #: position below the meniscus, m
     points: NDArray[np.float64]  #: (n, 3) nodes, m
     cells: NDArray[np.int32]  #: (m, k) nodes of the cells, in VTK order
-    #: name to field, in SI: (n,) of a scalar, (n, 3) of a vector, (n, 9) of a tensor; m rows
-    #: instead of n where a field lives in the cells
+    #: fields by name, in SI: (n,) for a scalar, (n, 3) for a vector, (n, 9) for a tensor; m rows
+    #: instead of n for values in the cells
     values: dict[str, NDArray[np.float64]]
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """One field by its name."""
+        """Return one field."""
         if name not in self.values:
             raise InputError(f"no field {name}; there are {', '.join(self.values) or 'none'}")
         return self.values[name]
 
 
 class RunResult(Closing):
-    """The results of a run, read from its folder when they are asked for.
+    """The results of a run, read from its folder on request.
 
-    `RunResult(folder)` opens an earlier run. One with a temporary folder is a context manager and
-    has `close`; the folder is removed, too, when nothing refers to the result any more. `summary`
-    and what has been read stay.
+    `RunResult(folder)` opens an earlier run. A result with a temporary folder is a context manager
+    and has `close`; the folder is also removed when the result is no longer referenced. `summary`
+    and data already read remain.
 
     Attributes:
-        folder: Of the run.
+        folder: Folder of the run.
     """
 
     def __init__(
         self, folder: Path | str, summary: Summary | None = None, *, temporary: bool = False
     ) -> None:
-        """Open a folder; `summary` if it is known already, `temporary` to remove the folder later.
+        """Open a folder; `summary` if known, `temporary` if the folder is to be removed later.
 
         Raises:
             InputError: The folder holds no summary of a run.
@@ -74,12 +74,12 @@ class RunResult(Closing):
 
     @property
     def summary(self) -> Summary:
-        """Results, references, balances, counts and wall time; values in SI."""
+        """Results, references, balances, counts and wall-clock times; values in SI."""
         return self._summary
 
     @property
     def quantities(self) -> dict[str, float]:
-        """Name to result in SI (`summary.quantities` has units and labels too)."""
+        """Results in SI by name (`summary.quantities` also has units and labels)."""
         return {name: quantity.value for name, quantity in self._summary.quantities.items()}
 
     @cached_property
@@ -91,18 +91,18 @@ class RunResult(Closing):
 
     @cached_property
     def history(self) -> pandas.DataFrame:
-        """One row a step; `history.attrs["units"]` has the unit of each column."""
+        """One row per step; `history.attrs["units"]` has the unit of each column."""
         from castfem.runs.output.history import HISTORY_NAME, read_history
 
         return read_history(self.folder / HISTORY_NAME)
 
     def at(self, position: float | str) -> dict[str, float]:
-        """Name to result in SI where the slice reached a position.
+        """Return the results at a position of the slice, in SI, by name.
 
-        Linear between two rows of the history; results without a column there are left out.
+        Values are linear between two rows of the history; results without a column are left out.
 
         Raises:
-            InputError: It is no position, or the run has not been there.
+            InputError: The position is invalid, or the run has not reached it.
         """
         from castfem.runs.results.labels import quantities_at, read_number
 
@@ -114,7 +114,7 @@ class RunResult(Closing):
 
     @cached_property
     def probes(self) -> dict[str, pandas.DataFrame]:
-        """Name of each [[output.probe]] to its table, one row a step, as `history` has them."""
+        """Tables of the [[output.probe]] by name, one row per step, like `history`."""
         from castfem.runs.output.folder import PROBES_NAME
         from castfem.runs.output.history import read_history
 
@@ -138,15 +138,15 @@ class RunResult(Closing):
     def fields(
         self, *, time: float | str | None = None, position: float | str | None = None
     ) -> Snapshot:
-        """The fields at the written time that is nearest; `output.every` says how near that is.
+        """Return the fields at the nearest written time; `output.every` sets their distance.
 
         Args:
-            time: Since the meniscus, "5 s" or a number in s.
-            position: Below the meniscus, "300 mm" or a number in m; with neither, the end of the
-                run.
+            time: Time since the meniscus, "5 s" or a number in s.
+            position: Position below the meniscus, "300 mm" or a number in m; without either, the
+                end of the run.
 
         Raises:
-            InputError: Both are given, one is none or beyond the run, or there are no fields.
+            InputError: Both are given, one is invalid or beyond the run, or there are no fields.
         """
         from castfem.runs.results.labels import read_number
 
@@ -167,7 +167,7 @@ class RunResult(Closing):
             return Snapshot(*at, file.points, file.cells, values)
 
     def close(self) -> None:
-        """Remove the folder if it is a temporary one."""
+        """Remove the folder if it is temporary."""
         if self._remove is not None:
             self._remove()
 
@@ -176,7 +176,7 @@ class RunResult(Closing):
         return f"{kind}({str(self.folder)!r}: {summary.title}, {summary.status})"
 
     def _repr_html_(self) -> str:
-        """The results as a notebook shows them."""
+        """The results for a notebook."""
         from html import escape
 
         from castfem.base.shown_units import label_shown, plain_unit, scale_of, shown_in
@@ -193,17 +193,17 @@ class RunResult(Closing):
         return f"<table><caption>{title}</caption>{rows}</table>"
 
     def open_fields(self) -> Fields:
-        """The file of the fields, to be closed after use."""
+        """Return the file of the fields; close it after use."""
         from castfem.runs.output.fields import Fields
 
         return Fields(self.folder)
 
 
 def nearest_index(written: NDArray[np.float64], wanted: float, name: str, unit: str) -> int:
-    """Index of the value nearest to one that was asked for.
+    """Return the index of the value nearest to the wanted one.
 
     Raises:
-        InputError: It lies outside of what was written.
+        InputError: It is outside the written range.
     """
     low, high = float(written[0]), float(written[-1])
     slack = 1e-9 * max(abs(high), abs(low))

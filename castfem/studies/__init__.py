@@ -1,1 +1,1 @@
-"""Several runs: sweeps, errors of numbers, derivatives, best values."""
+"""Studies of several runs: sweeps, errors, derivatives, calibration, optimisation."""

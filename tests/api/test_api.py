@@ -202,7 +202,7 @@ def test_a_run_of_another_case_is_kept(case, tmp_path):
     slower = case.with_(speed="3 m/min")
     with pytest.raises(castfem.InputError, match=r"another case \(casting\.speed.*overwrite=True"):
         castfem.run(slower, tmp_path / "run")
-    with pytest.raises(castfem.InputError, match=r"has come to 0\.06 m.*overwrite=True"):
+    with pytest.raises(castfem.InputError, match=r"has reached 0\.06 m.*overwrite=True"):
         castfem.run(case.with_(length="30 mm"), tmp_path / "run")
     assert castfem.Result(tmp_path / "run").case == case
     castfem.run(slower, tmp_path / "run", overwrite=True)

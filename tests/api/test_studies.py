@@ -44,7 +44,7 @@ def runs(case: Case, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def test_help_names_them() -> None:
-    named = (castfem.__doc__ or "").partition("What there is")[0]
+    named = (castfem.__doc__ or "").partition("Packages, upstream first")[0]
     for name in castfem.__all__:
         assert name in named and callable(getattr(castfem, name))
 

@@ -28,9 +28,14 @@ RUNS = {
 }
 PAGES = {"one": ("billet",), "two": ("billet", "fast"), "slab": ("slab",)}
 HEADINGS = {
-    "one": ("Headline numbers", "What to look at", "The section on its way", "Over the strand"),
-    "two": ("Headline numbers", "What the cases differ in", "The section on its way"),
-    "slab": ("Headline numbers", "The section on its way", "Pictures of the strand"),
+    "one": (
+        "Headline numbers",
+        "Remarks",
+        "The section along the strand",
+        "Curves along the strand",
+    ),
+    "two": ("Headline numbers", "Differences between the cases", "The section along the strand"),
+    "slab": ("Headline numbers", "The section along the strand", "Pictures of the strand"),
 }
 
 

@@ -103,7 +103,7 @@ def test_a_file_that_grows(whole: Path, tmp_path: Path) -> None:
     assert same(whole, folder)
     assert source.left_out == len(FAULTY) and len(source) == len(GOOD)
     log = (folder / "run.log").read_text()
-    for text in ("line 5: speed (fast)", "line 6: time (2 s) does not exceed that of the row",
+    for text in ("line 5: speed (fast)", "line 6: time (2 s) does not exceed that of the pr",
                  "line 7: speed (-1", "line 8: superheat is empty"):  # fmt: skip
         assert text in log
     assert len({state["clock"] for state in seen}) >= 3

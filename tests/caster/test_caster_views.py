@@ -265,9 +265,9 @@ def test_the_page(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"caster.moments": ["10 s"]}, "caster.moments: .*it is looked at from 0 s to 9 s"),
+        ({"caster.moments": ["10 s"]}, "caster.moments: .*the run goes from 0 s to 9 s"),
         ({"caster.pyrometer": [{"name": "a", "at": "1 m"}]}, "followed to 0.2 m"),
-        ({"caster.pyrometer": [{"name": "a", "at": "0.1 m"}] * 2}, "'a' stands there twice"),
+        ({"caster.pyrometer": [{"name": "a", "at": "0.1 m"}] * 2}, "'a' appears twice"),
     ],
 )
 def test_what_is_refused(changes: Any, message: str) -> None:

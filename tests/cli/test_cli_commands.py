@@ -40,7 +40,7 @@ def test_an_output_that_takes_no_more_is_told_in_one_line():
         done = subprocess.run(
             [sys.executable, "-m", "castfem.cli", "cases"], stdout=full, stderr=-1, text=True
         )
-    assert done.returncode == 2 and "fault of castfem" not in done.stderr
+    assert done.returncode == 2 and "bug in castfem" not in done.stderr
     assert done.stderr == "castfem: what is printed: No space left on device; free some space\n"
 
 
@@ -49,7 +49,7 @@ def test_letters_that_the_terminal_has_not(tmp_path):
     known = os.environ | {"PYTHONIOENCODING": "iso-8859-1"}
     words = [sys.executable, "-m", "castfem.cli", "mould", "billet125/taper_1", "-o", "m.png"]
     done = subprocess.run(words, capture_output=True, env=known, cwd=tmp_path)
-    assert done.returncode == 0 and b"fault of castfem" not in done.stderr
+    assert done.returncode == 0 and b"bug in castfem" not in done.stderr
     assert b"????" in done.stdout
 
 
@@ -359,9 +359,9 @@ def test_mesh_parameters_are_si(case_file):
 @pytest.mark.parametrize(
     ("command", "mend"),
     [
-        ("optimise", "; the same command again goes on"),
-        ("sensitivity", "; `castfem sensitivity ... --resume` goes on"),
-        ("run", "; `castfem run ... --resume` goes on"),
+        ("optimise", "; the same command continues"),
+        ("sensitivity", "; `castfem sensitivity ... --resume` continues"),
+        ("run", "; `castfem run ... --resume` continues"),
         ("show", ""),
     ],
 )

@@ -85,7 +85,7 @@ def test_what_cannot_be_compared(castfem, runs, tmp_path):
 
     assert "two runs are needed" in problem(runs / "cold", runs / "cold")
     assert "no such folder" in problem(runs / "cold", tmp_path / "nosuch")
-    assert f"{__file__}: is no folder" in problem(runs / "cold", __file__)
+    assert f"{__file__}: not a folder" in problem(runs / "cold", __file__)
     assert "holds no run" in problem(runs / "cold", tmp_path)
     assert "--base hot: " in problem(runs / "cold", runs / "warm", "--base", "hot")
     (tmp_path / "mine").mkdir()

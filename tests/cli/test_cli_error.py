@@ -112,7 +112,7 @@ def test_sizes_that_the_section_refuses_are_told(castfem, tmp_path) -> None:
     assert outcome.status == 0, outcome.err
     table = ErrorTable.load(Path("out/error.json"))
     refused = [run.name for run in table.runs if run.message]
-    assert all(f"mesh x {name[6:]}: nothing of this run" in outcome.err for name in refused)
+    assert all(f"mesh x {name[6:]}: no result of this run" in outcome.err for name in refused)
     assert math.isfinite(table.quantities["heat_removed"].error())
 
 

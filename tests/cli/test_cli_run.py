@@ -105,7 +105,7 @@ def test_a_run_that_has_come_further_is_not_replaced(castfem, engine, case_file)
     shorter = castfem(*words, "--set", "casting.length=50 mm")
     assert (shorter.status, len(engine.calls)) == (1, 1)
     assert shorter.err == (
-        "castfem: out: casting.length: 0.05 m is asked for, and the run there has come to 0.6 m; "
+        "castfem: out: casting.length: 0.05 m is requested, but the run there has reached 0.6 m; "
         "choose another folder with -o, or --overwrite it\n"
     )
     resumed = castfem(*words, "--set", "casting.length=50 mm", "--resume")
@@ -141,7 +141,7 @@ def test_the_folder_of_a_run_stands_for_its_case(castfem, engine, case_file):
     assert castfem("check", "out/mine").status == 0
     empty = castfem("run", "--resume", "out")
     assert empty.status == 1
-    assert "out: is a folder, " in empty.err
+    assert "out: is not the folder of a run" in empty.err
 
 
 def test_a_file_in_the_way(castfem, engine, case_file):

@@ -78,7 +78,7 @@ def test_finished_runs_are_not_run_again(castfem, tmp_path):
     assert "mesh.order: 1 there, 2 here" in other.err
     shorter = castfem(*two, "--set", "length=30 mm")
     assert shorter.status == 1
-    assert "0.03 m is asked for" in shorter.err
+    assert "0.03 m is requested" in shorter.err
     assert castfem(*two, "--set", "length=30 mm", "--overwrite").status == 0
     assert [row["position [m]"] for row in _table(Path("out"))] == ["0.03", "0.03"]
 
@@ -91,8 +91,8 @@ def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
     refused = castfem("sweep", "small", *SPEEDS, "-j", 1, "-o", "out")
     assert refused.status == 1
     assert refused.err == (
-        "castfem: out: castfem would write its sweep.csv, and has not written the one that is "
-        "there; choose another folder, or move the file\n"
+        "castfem: out: sweep.csv was not written by castfem and would be overwritten; "
+        "choose another folder, or move the file\n"
     )
     assert mine.read_text() == "mine" and len(list(mine.parent.iterdir())) == 1
 
@@ -212,7 +212,7 @@ def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path):
         os.killpg(process.pid, number)
         _, err = process.communicate(timeout=30)
         assert process.returncode == 130
-        assert err.strip().endswith("castfem: interrupted; the same command again goes on")
+        assert err.strip().endswith("castfem: interrupted; the same command continues")
         assert "replaced" not in err
         _, alive = psutil.wait_procs(children, timeout=5)
         assert not alive

@@ -125,6 +125,8 @@ def test_the_page_is_that_of_the_commands() -> None:
 
 def test_what_an_option_takes_and_whether_it_is_needed() -> None:
     page = markdown_page()
-    assert "| `--to` `DATA.csv` | What was measured (docs/calibrate.md). Required. |" in page
+    assert (
+        "| `--to` `DATA.csv` | File with the measurements (docs/calibrate.md). Required. |" in page
+    )
     assert "| `--no-figures` | Do not draw the figures. |" in page
     assert r"by default results/\<family\>/\<name\>." in page

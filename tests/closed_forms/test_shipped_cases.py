@@ -113,7 +113,7 @@ def test_case_of_another_kind_is_refused(name: str, change: str, told: str) -> N
          'value=["30 W/(m K)", "34 W/(m K)"]}}', "conductivity of neumann_steel changes"),
         ("alloy_similarity", "steel.name=neumann_steel", 'it is "neumann"'),
         ("alloy_similarity", 'casting.temperature="1440 degC"', "chilled below the solidus"),
-        ("weiner_boley", 'cooling.0.surface.0.value="900 degC"', "has constants of its own"),
+        ("weiner_boley", 'cooling.0.surface.0.value="900 degC"', "has its own constants"),
     ],
 )  # fmt: skip
 def test_steel_or_temperature_of_another_kind_is_refused(

@@ -143,7 +143,7 @@ def test_a_cache_that_cannot_be_written(
         assert area(MPI.COMM_SELF, place / "forms" / "form_1") == pytest.approx(SIZE)
     (line,) = told.messages
     assert line.startswith("the cache of compiled forms cannot be written (")
-    assert line.endswith("; let XDG_CACHE_HOME name a folder that can be written")
+    assert line.endswith("; set XDG_CACHE_HOME to a writable folder")
 
 
 def test_a_cache_that_may_only_be_read(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
@@ -183,7 +183,7 @@ def test_no_place_at_all_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(tempfile, "mkdtemp", none)
     (tmp_path / "file").touch()
     with pytest.raises(
-        RunFailure, match=r"and there is no temporary folder .*; let XDG_CACHE_HOME"
+        RunFailure, match=r"and there is no temporary folder .*; set XDG_CACHE_HOME"
     ):
         area(MPI.COMM_SELF, tmp_path / "file" / "forms")
 

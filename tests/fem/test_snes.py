@@ -141,8 +141,7 @@ def test_option_that_petsc_never_reads_is_told_once(told: pytest.LogCaptureFixtu
         made.x.set(1.0)
         assert made.solve().iterations == 5
     assert [r.getMessage() for r in told.records] == [
-        'square solver: PETSc has not read snes_maxit = "1": a wrong name, or of no use with the '
-        "rest"
+        'square solver: PETSc has not read snes_maxit = "1": its name is wrong, or it is unused'
     ]
 
 

@@ -235,7 +235,7 @@ def test_places_that_are_asked_for_have_their_own_tables(folder: Path, tmp_path:
 
 
 def test_a_place_where_no_run_has_been(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"has not been at 7 m"):
+    with pytest.raises(InputError, match=r"has not reached 7 m"):
         write([folder], tmp_path / "at.html", (7.0,))
 
 

@@ -135,7 +135,7 @@ def test_mould_head_and_friction_follow_through_a_stop(tmp_path: Path) -> None:
     ("value", "said"),
     [
         ("[3.6, 0]", r"casting\.speed: the strand stands for good after 10 s, 0\.3 m below the "
-         r"meniscus: it never comes to casting\.length \(0\.6 m\); let the last row"),
+         r"meniscus: it never reaches casting\.length \(0\.6 m\); let the last row"),
         ("[3.6, -1]", r"casting\.speed: 'value' row 2 .*must not be below 0 m/min"),
         ("[0, 0]", r"casting\.speed: must be above 0 m/min"),
     ],
@@ -248,7 +248,7 @@ def test_a_flow_as_a_slice_sees_it() -> None:
 
 def test_a_clock_by_which_nothing_goes_is_told() -> None:
     told = [problem.text for problem in warnings(cast(casting__start__time="60 s"))]
-    assert any("no speed, superheat or flow" in text for text in told)
+    assert any("no speed, superheat or water" in text for text in told)
     told = [p.text for p in warnings(cast(casting__start__time="60 s", casting__speed=RAMP))]
     assert not any("no speed, superheat" in text for text in told)
 

@@ -256,7 +256,7 @@ def test_a_key_of_no_defect_is_told_beside_those_of_its_kind() -> None:
         slab({"kind": "misaligned", "rolls": 48, "offset": "2 mm"})
     told = [problem.partition("machine.defect.0.")[2] for problem in caught.value.problems]
     assert told == [
-        "roll: is missing; number of the pair, from 1",
+        "roll: is missing; number of the pair, counted from 1",
         "by: is missing; distance towards the centre of curvature; negative: away from it, such as "
         '"2 mm"',
         "rolls: unknown key (48); allowed: roll, kind, by, resistance; did you mean roll?",
@@ -304,7 +304,7 @@ def test_a_pair_that_is_lost_is_neither_off_nor_locked(lost_first: bool) -> None
     lost = {"kind": "lost", "roll": 30}
     for other in ({"kind": "misaligned", "roll": 30, "by": "2 mm"}, {"kind": "locked", "roll": 30}):
         both, at = ((lost, other), 1) if lost_first else ((other, lost), 0)
-        with pytest.raises(InputError, match=rf"defect\.{at}\.roll: \(30\): this pair is lost"):
+        with pytest.raises(InputError, match=rf"defect\.{at}\.roll: \(30\): this pair is also"):
             slab(*both)
         slab(lost, other | {"roll": 31})
 

@@ -53,7 +53,7 @@ def test_edge_rolls_that_cannot_be(tmp_path: Path, row: str, said: str) -> None:
 @pytest.mark.parametrize(("name", "unit"), [("side", "mm"), ("driven", "kN")])
 def test_a_column_of_words_has_no_unit(tmp_path: Path, name: str, unit: str) -> None:
     heading = f"{HEADER}, side".replace(name, f"{name} [{unit}]")
-    said = f"line 2: column '{name}' has words, and no unit; leave out {unit}"
+    said = f"line 2: column '{name}' holds words and has no unit; leave out {unit}"
     with pytest.raises(InputError, match=said):
         case(tmp_path, EDGED, heading)
 
@@ -78,7 +78,7 @@ def test_edge_rolls_alone_are_no_machine(tmp_path: Path) -> None:
 def test_edge_rolls_that_bear_nothing_are_told() -> None:
     """Faces that follow the apertures have no rolls that bear them."""
     given = [f"machine.rolls={SLAB.parent / 'edge_rolls.csv'}"]
-    told = "machine.rolls: the rolls at the narrow faces bear nothing"
+    told = "machine.rolls: the rolls at the narrow faces carry no load"
     assert any(told in t for t in read_case(SLAB.parent / "coarse.toml", given).warnings)
     assert not any(told in t for t in read_case(SLAB.parent / "slab.toml", given).warnings)
 

@@ -90,7 +90,7 @@ def test_a_run_through_another_machine_is_refused(
     if not said:
         draw_machine(case, picture, "slab", run)
         return
-    with pytest.raises(InputError, match=f"run: is a run through another machine: .*{said}"):
+    with pytest.raises(InputError, match=f"run: the run has another machine: .*{said}"):
         draw_machine(case, picture, "slab", run)
 
 

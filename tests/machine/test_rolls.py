@@ -126,7 +126,7 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
     ("rows", "header", "said"),
     [
         (("0.9, 150, 222, x, no,",), HEADER, r"line 3, roll 1: radius_extrados \(x\): "),
-        (("0.9, 150",), HEADER, r"line 3: 2 cells, the header has 6; leave a cell empty"),
+        (("0.9, 150",), HEADER, r"line 3: 2 cells, the header has 6; write an empty cell"),
         (("0.9, 0, 222, , no,",), HEADER, r"roll 1: diameter \(0\): must be above 0 mm"),
 
         (("0.9, 150, 222, 8, maybe,",), HEADER, r"roll 1: driven \(maybe\): yes or no"),
@@ -156,8 +156,8 @@ def test_a_file_that_cannot_be_read(
         (0, "0.7, 150, 222, , no,", r"line 3, roll 1: position \(0\.7 m\) lies within the mould, "
          r"which ends at 0\.8 m"),
 
-        (1, "1.0, 150, 222, , no,", r"line 4, roll 2: diameter \(150 mm\) overlaps the roll before "
-         r"by 50 mm at the intrados, 100 mm below it"),
+        (1, "1.0, 150, 222, , no,", r"line 4, roll 2: diameter \(150 mm\) overlaps the previous "
+         r"roll by 50 mm at the intrados, 100 mm below it"),
 
         (2, "1.5, 200, 223, 8, yes, 1", r"line 5, roll 3: aperture \(223 mm\) grows from 222 mm at "
          r"'.*' line 4, roll 2: .* one of the two is wrong"),
@@ -252,8 +252,8 @@ def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
     [
         (["0.87 m", "26.5 m"], ["7 kN", "700 kN"], ""),
         (["0.87 m", "26.3 m"], ["0 kN", "700 kN"], ""),  # within the last pitch
-        (["2 m", "26.5 m"], ["0 kN", "700 kN"], "26.5 m, the rolls .*: rolls 1 to 6 resist with n"),
-        (["2 m", "26 m"], ["0 kN", "700 kN"], ": rolls 1 to 6 and roll 87 resist with nothing"),
+        (["2 m", "26.5 m"], ["0 kN", "700 kN"], "26.5 m, the rolls .*: rolls 1 to 6 have no res"),
+        (["2 m", "26 m"], ["0 kN", "700 kN"], ": rolls 1 to 6 and roll 87 have no resistance"),
     ],
 )
 def test_a_curve_of_resistance_is_of_all_rolls(

@@ -124,13 +124,13 @@ def test_an_enthalpy_of_the_case_stays():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("# castfem phases 1", "# something"), "no table of phases"),
+        (("# castfem phases 1", "# something"), "not a table of phases"),
         (("# licence: licence not stated\n", ""), 'no "licence"'),
         (("liquid [1]", "liquid [%]"), "names or units"),
-        (("\n74.21875,", "\n24,"), "temperatures must rise"),
-        (("74.21875,22615.6931", "74.21875,-1"), "enthalpy must rise"),
+        (("\n74.21875,", "\n24,"), "temperatures must increase"),
+        (("74.21875,22615.6931", "74.21875,-1"), "enthalpy must increase"),
         (("0,0,0,0.974586762,0.0254132378", "0,0,0,0.974586762,0.5"), "sum to 1"),
-        (("74.21875,22615.6931,", "74.21875,"), "not complete"),
+        (("74.21875,22615.6931,", "74.21875,"), "is incomplete"),
         (("\n25,0,448.916508,0,0,0,0.9", "\n25,0,448.916508,0.9,0,0,0."), "sum to 1|from solid"),
     ],
 )

@@ -189,7 +189,7 @@ MISTAKES = {
         'name = "air"',
         'name = "air"\nto = "500 mm"',
         "cooling.1.to",
-        ["(500 mm)", "end of the zone before (600 mm)"],
+        ["(500 mm)", "end of the previous zone (600 mm)"],
     ),
     "zone without end before the last": (
         'to = "600 mm"\n',

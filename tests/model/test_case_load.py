@@ -158,7 +158,7 @@ def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_
 def test_extends_in_a_circle(write):
     write('extends = "b.toml"\n', "a.toml")
     path = write('extends = "a.toml"\n', "b.toml")
-    with pytest.raises(InputError, match=r"goes in a circle: b\.toml -> a\.toml -> b\.toml"):
+    with pytest.raises(InputError, match=r"leads back to itself: b\.toml -> a\.toml -> b\.toml"):
         load_case(path)
 
 
@@ -216,7 +216,7 @@ def test_override(write, assignment, attribute, value):
         ("casting.length", "write it as key=value"),
         ("casting.lenght=1 m", "casting.lenght: unknown key"),
         ("casting.speed.x=1", "casting.speed is a single value"),
-        ("cooling.7.to=1 m", "'7' is no entry of cooling; give an index from 0 to 1"),
+        ("cooling.7.to=1 m", "'7' is not an entry of cooling; give an index from 0 to 1"),
         ("casting.length=3", "needs its unit"),
         ("friction.law=coulomb", 'unknown key ({ law = "coulomb" }); allowed: title'),
         ("time.step=1 s", "; did you mean thermal.time?"),
@@ -407,7 +407,7 @@ def test_the_heat_law_of_a_zone_may_be_left_out(short, value, full):
     [
         ("cooling.air.ambient", r"several heat laws of zone air have it \(radiation, convection\)"),
         ("cooling.air.watr", "unknown key .*; allowed: name, to, surface"),
-        ("cooling.moud.coefficient", "'moud' is no entry of cooling"),
+        ("cooling.moud.coefficient", "'moud' is not an entry of cooling"),
     ],
 )
 def test_a_heat_law_that_is_not_clear_is_asked_for(key, text):

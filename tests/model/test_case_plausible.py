@@ -69,7 +69,7 @@ ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "m
     [
         (("[0, 600]", "[125.8, 124.9]"), "125.8 mm at the meniscus look like a size of the cavity"),
         (("[100, 600]", "[0.1, 0.5]"), "the table begins 100 mm below the meniscus with 0.1 mm,"),
-        (("[0, 700]", "[0, 0.5]"), "the table goes on to 700 mm below the meniscus, the mould end"),
+        (("[0, 700]", "[0, 0.5]"), "the table continues to 700 mm below the meniscus, the mould"),
         (("[0, 400]", "[0, 0.5]"), "the table ends 400 mm below the meniscus, the mould ends 600 "),
         (("[0, 600]", "[0.2, 0.7]"), ""),  # the value at the meniscus is taken off
         (("[0, 300, 300.1]", "[0, 0, 0.5]"), ""),  # a step

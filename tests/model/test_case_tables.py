@@ -135,7 +135,7 @@ def test_bad_table(write, sound, table, said):
         ("# dry\n\ntemperature [degC], value\n20, 0.8\n# wet\nx, 0.9\n", "line 6"),
         ("temperature [degC], value\n# one\n20, 0.8\n20, 0.9\n", "line 4 does not exceed line 3"),
         ("temperature [degC], value\n\n20, nan\n30, 0.9\n", "'value' line 3 (nan): a finite"),
-        ('temperature [degC], value\n"1,200", 0.8\n1300, 0.9\n', "thousands without a mark"),
+        ('temperature [degC], value\n"1,200", 0.8\n1300, 0.9\n', "no thousands separators"),
     ],
 )
 def test_bad_csv(write, sound, text, said):

@@ -79,7 +79,7 @@ def test_scripts_change_them_likewise(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ('[cooling.spry]\nto = "1 m"\n', "'spry' is no entry of cooling.*did you mean spray"),
+        ('[cooling.spry]\nto = "1 m"\n', "'spry' is not an entry of cooling.*did you mean spray"),
         ('[cooling]\nspray = "1 m"\n', r"cooling.spray: keys of this entry are needed"),
         ("[cooling.mould]\nwater = 5\n", "water"),
         (

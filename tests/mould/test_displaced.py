@@ -148,7 +148,7 @@ WRONG = {
     "twice": (
         "position [mm], way [mm], x [mm], y [mm]\n"
         + "".join(f"{z}, {s}, 0, 0\n" for z in (0, 1) for s in (0, 9, 9 if z else 18)),
-        "a place stands twice at one position",
+        "a place appears twice at one position",
     ),
     "lacks": (
         "position [mm], way [mm], x [mm], y [mm]\n0, 0, 0, 0\n0, 9, 0, 0\n1, 0, 0, 0\n",

@@ -217,7 +217,7 @@ MISTAKES = {
     "order": (
         'taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "200 mm", taper = "2 %/m" }]',
         "mould.taper",
-        ["segment 2", "'to' (200 mm)", "beyond the end of the segment before (300 mm)"],
+        ["segment 2", "'to' (200 mm)", "beyond the end of the previous segment (300 mm)"],
     ),
     "open end": (
         'taper = [{ taper = "1 %/m" }, { taper = "2 %/m" }]',

@@ -193,7 +193,7 @@ def test_given_heat_has_no_strand_to_couple(castfem, write, key, given):
     path = write(TUBE.replace('flux = "2 MW/m^2"', given))
     status, out, _ = castfem("mould", path, "--coupled")
     assert status == 0
-    assert out.startswith(f"mould.tube.{key} heats the tube: the strand is not run, nothing to rep")
+    assert out.startswith(f"mould.tube.{key} heats the tube: the strand is not computed, nothing")
     _, out, _ = castfem("mould", path, "--hot")
     assert "strand" not in out
 

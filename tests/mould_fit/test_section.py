@@ -131,7 +131,7 @@ def test_bulge_without_a_wall_of_its_shape_is_refused() -> None:
     ("name", "words"),
     [
         ("thermal", "mechanics: the table is missing"),
-        ("taper_1", "mould: the outline is looked for in an idealised mould"),
+        ("taper_1", "mould: the outline is computed in an idealised mould"),
     ],
 )
 def test_cases_that_cannot_be_asked(name: str, words: str) -> None:

@@ -122,8 +122,8 @@ def test_runs_by_the_values_of_their_variables():
     [
         (
             {"casting.sped": 3.0, "casting.superheat": 30.0},
-            "casting.sped is no variable of [optimise]; there are casting.speed, casting.superheat"
-            "; did you mean casting.speed?",
+            "casting.sped is not a variable of [optimise]; there are casting.speed, "
+            "casting.superheat; did you mean casting.speed?",
         ),
         ({"casting.speed": 3.0}, "casting.superheat is missing; give all variables a value"),
         (
@@ -134,8 +134,8 @@ def test_runs_by_the_values_of_their_variables():
             {"casting.speed": None, "casting.superheat": 30.0},
             "casting.speed must be a number in m/min",
         ),
-        ({3: 3.0}, "3 is no variable of [optimise]; there are casting.speed"),
-        ({"casting.speed": 6.0, "casting.superheat": 30.0}, "lies outside of it, 2 to 5 m/min"),
+        ({3: 3.0}, "3 is not a variable of [optimise]; there are casting.speed"),
+        ({"casting.speed": 6.0, "casting.superheat": 30.0}, "is outside the range, 2 to 5 m/min"),
         (3.0, 'a run must be one that ask() returns, or values by key, {"casting.speed'),
         (RunRequest(("3", 30.0), "default"), "casting.speed must be a number in m/min, got '3'"),  # type: ignore[arg-type]
         (RunRequest(3.0, "default"), "a run must be one that ask() returns, or values by key"),  # type: ignore[arg-type]
@@ -158,7 +158,7 @@ def test_what_is_no_run(tmp_path: Path, run: Any, line: str) -> None:
     [
         (
             {"von_mises": 1e6},
-            "tell: von_mises_max is missing, which [optimise] needs; write it so, ",
+            "tell: von_mises_max is missing; [optimise] needs it; write it so, ",
         ),
         ({STRESS: "3 MPa"}, "tell: von_mises_max must be a finite number in SI, got '3 MPa'"),
         (

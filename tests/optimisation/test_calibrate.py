@@ -79,7 +79,7 @@ def test_keys_that_the_data_do_not_tell_apart() -> None:
 
 
 def test_fewer_data_than_keys_are_refused() -> None:
-    with pytest.raises(InputError, match="1 measured values cannot tell 2 keys"):
+    with pytest.raises(InputError, match="1 measured values cannot determine 2 keys"):
         fit(lambda values: [np.zeros(1) for _ in values], KEYS, [1.0, 1.0], errors_known=False)
 
 
@@ -173,7 +173,7 @@ HEAD = "position [mm], shell_mid_face [mm], shell_mid_face error [mm]"
         ("position [mm], shell_mid_face [mm]\n-5, 1", r"line 2: the position lies above the men"),
         (f"{HEAD}\n5, 1", r"line 2: 2 cells, not 3"),
         (f"{HEAD}\n5, 1, 0", r"line 2: shell_mid_face error must be above 0"),
-        (f"{HEAD}\n5, 1, 0.1\n6, 2, ", r"at 6 mm has no error and others have"),
+        (f"{HEAD}\n5, 1, 0.1\n6, 2, ", r"at 6 mm has no error, but others have"),
         (f"{HEAD}\n, 1, 0.1", "the position is missing"),
         ("position [mm], shell_mid_face [mm], heat_removed [MJ/m]\n5, 1, 2", "need their errors"),
         ("position [mm], shell_mid_face [mm]\n5, x", r"line 2: shell_mid_face \[mm\] \(x\)"),
@@ -204,14 +204,14 @@ def test_data_beyond_the_case(twin: Path, tmp_path: Path) -> None:
 def test_data_of_the_meniscus_alone(twin: Path, tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("position [mm], shell_mid_face [mm]\n0, 0\n")
-    with pytest.raises(InputError, match=r"data\.csv: line 2: shell_mid_face: .*of the meniscus"):
+    with pytest.raises(InputError, match=r"data\.csv: line 2: shell_mid_face: .*at the meniscus"):
         calibrate_case(str(twin / "case.toml"), path, ["casting.speed=2..4 m/min"], tmp_path / "f")
 
 
 @pytest.mark.parametrize(
     ("free", "message"),
     [
-        (["casting.speed=2..4 m/min"] * 2, r'^--free "casting\.speed": is named twice'),
+        (["casting.speed=2..4 m/min"] * 2, r'^--free "casting\.speed": is given twice'),
         (["casting.spede=2..4 m/min"], r'^--free "casting\.spede": .*did you mean speed'),
         (["title=0..1"], r'^--free "title": title: is a text \("'),
         (["casting.speed=2..4 mm"], r'^--free "casting\.speed": .*a speed is needed'),

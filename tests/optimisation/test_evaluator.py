@@ -146,7 +146,7 @@ def test_a_folder_in_use_teaches_nothing(tmp_path, monkeypatch):
     with Evaluator(small(SHORT), tmp_path) as evaluate:
         job = evaluate.store.job(evaluate.case, {})
         job.folder.mkdir()
-        refused = pytest.raises(RunFailure, match=r"writing here.*the same command goes on")
+        refused = pytest.raises(RunFailure, match=r"writing here.*the same command continues")
         with FileLock(job.folder / ".castfem.lock"), refused:
             evaluate()
         assert not evaluate().failed
@@ -159,7 +159,7 @@ def test_a_full_disk_teaches_nothing(tmp_path, monkeypatch):
         if "checkpoint" in path.name:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    refused = pytest.raises(RunFailure, match=r"No space left on device.*same command goes on")
+    refused = pytest.raises(RunFailure, match=r"No space left on device.*same command continues")
     with monkeypatch.context() as patch, refused:
         patch.setattr(atomic_files, "_force_to_disk", full)
         Evaluator(small(SHORT), tmp_path / "full")()

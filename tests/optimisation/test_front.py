@@ -157,7 +157,7 @@ def test_written_told_and_drawn(tmp_path):
         ({"points": 5}, "optimise.front: one of minimise and maximise is needed"),
         ({"maximise": HEAT, "minimise": HEAT}, "optimise.front: one of minimise and maximise"),
         ({"maximise": STRESS}, 'optimise.front: ("von_mises_max") is weighed against itself'),
-        ({"maximise": "heat"}, 'optimise.front.maximise: ("heat") is no result of a run'),
+        ({"maximise": "heat"}, 'optimise.front.maximise: ("heat") is not a result of a run'),
         ({"maximise": HEAT, "points": 2}, "optimise.front.points"),
     ],
 )

@@ -75,7 +75,7 @@ def test_two_valleys_of_one_depth_are_told(given: Given, near: tuple[float, floa
     places = sorted([found.values[0].value, *other])
     assert places == pytest.approx(near, abs=0.2 if given is scattered else 0.01)
     lines = [line for line in report(found) if isinstance(line, str)]
-    assert lines[0].endswith("no constraint binds; another place is as good")
+    assert lines[0].endswith("no constraint binds; another point is as good")
     assert any(line.endswith(f"is casting.speed = {other[0]:g} m/min") for line in lines)
 
 

@@ -194,7 +194,7 @@ def test_a_file_of_the_user_stays(case, name):
     (case / "out").mkdir()
     mine = case / "out" / name
     mine.write_text("mine")
-    with pytest.raises(InputError, match=f"out: castfem would write its {name}, and has not writ"):
+    with pytest.raises(InputError, match=f"out: {name} was not written by castfem and would"):
         status_of("optimise", "small", "-j", "1", "-o", "out")
     assert mine.read_text() == "mine"
 

@@ -179,7 +179,7 @@ def test_the_bands_of_an_optimum_are_explained(tmp_path: Path, constraints: list
     optimum = solve(asked, lambda w: {STRESS: (w.values[0] - 3.0) ** 2, HEAT: 1e6 * w.values[0]})
     (legend,) = optimum_figure(optimum).legends
     said = dict(zip((t.get_text() for t in legend.texts), legend.legend_handles, strict=True))
-    assert {"best", "cannot be told from the best"} <= set(said)
+    assert {"best", "cannot be distinguished from the best"} <= set(said)
     assert [one for one in said if one.startswith("error")] == (
         ["error of what is left, about 0"] if constraints else []
     )

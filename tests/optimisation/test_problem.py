@@ -46,15 +46,15 @@ def test_round_trip(tmp_path):
     ("old", "new", "line"),
     [
         ('"surface_temperature_mid_face"', '"shel_mid_face"',
-         'optimise.minimise: ("shel_mid_face") is no result of a run; did you mean shell_mid'),
+         'optimise.minimise: ("shel_mid_face") is not a result of a run; did you mean shell_mid'),
         ('minimise = "surface_temperature_mid_face"', "",
-         "optimise: nothing is to become best; give minimise ="),
+         "optimise: no result to optimise; give minimise ="),
         (">= 1 mm", ">= 1 MPa",
          'optimise.constraints.0: ("1 MPa") does not measure shell_mid_face; it has a unit'),
         (">= 1 mm", "> 1 mm",
-         'optimise.constraints.0: is no constraint; write it with >= or <=, not ">", as "heat'),
+         'optimise.constraints.0: is not a constraint; write it with >= or <=, not ">", as "heat'),
         (">= 1 mm", ">= 99 % of idealised", "the case has no [mould], it is idealised"),
-        ('"shell_mid_face >= 1 mm"', '"heat >= 1 MJ/m"', '("heat") is no result of a run'),
+        ('"shell_mid_face >= 1 mm"', '"heat >= 1 MJ/m"', '("heat") is not a result of a run'),
         ('["2 m/min", "5 m/min"]', '["5 m/min", "5 m/min"]',
          "optimise.variable.0.range: is empty: the first value must lie below the second"),
         ('["2 m/min", "5 m/min"]', '["2 m/min", "5 K"]',
@@ -203,7 +203,7 @@ def test_a_list_of_two_results_is_refused(tmp_path: Path, two: str) -> None:
     with pytest.raises(InputError) as caught:
         load(path)
     (line,) = caught.value.problems
-    assert "two.toml: optimise: 2 results are to become best; give minimise = " in line
+    assert "two.toml: optimise: 2 results to optimise; give minimise = " in line
     assert line.endswith("one of them, and weigh it against another by [optimise.front]")
 
 
@@ -227,7 +227,7 @@ def test_what_temperature_alone_knows_nothing_of() -> None:
     (line,) = asked(constraints=["heat_removed >= 99 % of idealised"])
     assert 'thermal runs have no mould, to hold "heat_removed >= 99 % of idealised" against' in line
     (line,) = asked(maximise=[], minimise="von_mises_max")
-    assert 'optimise.minimise: ("von_mises_max") is no result of temperature alone' in line
+    assert 'optimise.minimise: ("von_mises_max") is not a result of temperature alone' in line
     assert line.endswith('take fidelity = "coarse"')
 
 

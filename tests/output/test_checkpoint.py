@@ -133,10 +133,10 @@ def test_missing_and_foreign_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file, nothing to resume from"):
         load_checkpoint(tmp_path / "c.h5")
     (tmp_path / "c.h5").write_text("time = 3\n")
-    with pytest.raises(InputError, match="is not a checkpoint of castfem, or cut off"):
+    with pytest.raises(InputError, match="is not a castfem checkpoint, or is truncated"):
         load_checkpoint(tmp_path / "c.h5")
     h5py.File(tmp_path / "d.h5", "w").close()
-    with pytest.raises(InputError, match="is not a checkpoint of castfem"):
+    with pytest.raises(InputError, match="is not a castfem checkpoint"):
         load_checkpoint(tmp_path / "d.h5")
 
 
@@ -148,7 +148,7 @@ def test_no_damaged_byte_goes_unnoticed(tmp_path):
         changed = bytearray(image)
         changed[place] ^= 0x10
         hurt.write_bytes(changed)
-        with pytest.raises(InputError, match=r"hurt\.h5: is (damaged|not a checkpoint)"):
+        with pytest.raises(InputError, match=r"hurt\.h5: is (damaged|not a castfem checkpoint)"):
             load_checkpoint(hurt)
 
 
@@ -158,7 +158,7 @@ def test_a_cut_file_is_refused(tmp_path):
     for size in (10, len(image) // 2, len(image) - 1):
         (tmp_path / "cut.h5").write_bytes(image[:size])
         with pytest.raises(
-            InputError, match=r"cut\.h5: is not a checkpoint of castfem, or cut off"
+            InputError, match=r"cut\.h5: is not a castfem checkpoint, or is truncated"
         ):
             load_checkpoint(tmp_path / "cut.h5")
 

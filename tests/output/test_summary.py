@@ -102,7 +102,7 @@ def test_a_summary_from_before_there_were_bounds_is_read():
     (found,) = Summary.from_json(plain(content)).references
     assert (found.reference.kind, found.reference.note) == ("value", "")
     assert found.missing == "no such quantity"
-    with pytest.raises(ValueError, match="no kind of reference: about"):
+    with pytest.raises(ValueError, match="unknown kind of reference: about"):
         Summary.from_json(plain(content | {"references": [old | {"kind": "about"}]}))
 
 

@@ -116,7 +116,7 @@ def test_a_table_of_many_doubtful_runs_stays_short(tmp_path: Path, count: int) -
     runs = {folder.name: (folder, None) for folder in folders}
     found = cautions_of_all(runs)
     assert len(found) == (10 if count == 9 else 11)
-    assert found[-1].startswith("and 1 more of this kind") is (count == 10)
+    assert found[-1].startswith("and 1 further ones") is (count == 10)
 
 
 def test_a_folder_without_history_has_nothing_to_tell(tmp_path: Path) -> None:

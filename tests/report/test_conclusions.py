@@ -1,4 +1,4 @@
-"""A report begins with what the run comes to, and ends with where it comes from."""
+"""A report begins with a summary of the run, and ends with its provenance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> N
     folder = write_run(tmp_path / "run")
     page = write([folder], tmp_path / "page.html").read_text()
     heads = re.findall(r"<h2>(.*?)</h2>", page)
-    assert heads[0] == "In short" and heads[-1] == "Where it comes from"
+    assert heads[0] == "Summary" and heads[-1] == "Provenance"
     short = page[page.index('id="short"') : page.index('id="numbers"')]
     assert "thinnest shell of the probes, mould exit" in short and "mm" in short
     origin = page[page.index('id="provenance"') :]
@@ -101,7 +101,7 @@ def test_the_worst_place_beside_the_machine_in_order(
         worst.startswith("intrados, corner, 2.12 m (roll 8)") and f"{told} that of order" in worst
     )
     alone = dict(conclusions(tmp_path / "off", empty))
-    assert "no limit is known of it" in alone["worst place by I1"]
+    assert "no limit is known" in alone["worst place by I1"]
 
 
 def test_a_pool_that_has_not_ended_is_said(tmp_path: Path) -> None:

@@ -119,7 +119,7 @@ def zoned(tmp_path: Path) -> Path:
 
 def test_a_table_along_the_strand(tmp_path: Path) -> None:
     text = text_of(zoned(tmp_path))
-    table = text[text.index("Along the strand") : text.index("What to look at")]
+    table = text[text.index("Along the strand") : text.index("Remarks")]
     head = table.splitlines()[1:5]
     words = " ".join(" ".join(head).split())
     for name in ("mould", "exit", "foot", "spray", "end", "200 mm", "450 mm", "600 mm"):

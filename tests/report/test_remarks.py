@@ -1,4 +1,4 @@
-"""What to look at in a run: contact lost, thin shells, hot spots."""
+"""Remarks on a run: contact lost, thin shells, hot spots."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ def test_show_prints_what_to_look_at_on_whole_lines(strained_run):
     stream = io.StringIO()
     show(strained_run, Console(file=stream, width=60), figures=False)
     text = stream.getvalue()
-    assert "What to look at\n" in text
+    assert "Remarks\n" in text
     (line,) = [line for line in text.splitlines() if line.startswith("largest gap, corner")]
     assert "0.5" in line
     assert " mm  contact lost at 120 mm, t = 2 s, regained at 360 mm" in line

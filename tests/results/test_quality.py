@@ -366,7 +366,7 @@ def test_the_index_of_the_manual_is_known_everywhere(monkeypatch: pytest.MonkeyP
 
 def test_the_manual_has_each_map_of_the_surface() -> None:
     page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
-    rows = page.partition("| map | what it is |")[2].partition("\n\n")[0].splitlines()
+    rows = page.partition("| map | description |")[2].partition("\n\n")[0].splitlines()
     told = {name for row in rows for name in re.findall(r"`(\w+)`", row.split(" | ")[0])}
     maps = {one.name for one in registry.declared_indexes() if one.on == "surface"}
     assert not told ^ maps, f"table of maps in docs/output.md, by hand: {sorted(told ^ maps)}"

@@ -207,9 +207,9 @@ def test_without_gap_and_friction_the_mould_leaves_the_heat_as_it_was() -> None:
     ("edges", "text"),
     [
         ((0.29, 0.47), r"edge roll 1: position \(0\.29 m\) lies within the mould, .* at 0\.3 m"),
-        ((0.4, 0.45), r"edge roll 2: diameter \(60 mm\) overlaps the roll before by 10 mm at the "
+        ((0.4, 0.45), r"edge roll 2: diameter \(60 mm\) overlaps the previous roll by 10 mm at the "
                       r"narrow face, 50 mm below it"),
-        ((0.47, 0.4), r"edge roll 2: position \(0\.4 m\) does not lie below the roll before"),
+        ((0.47, 0.4), r"edge roll 2: position \(0\.4 m\) does not lie below the previous roll"),
     ],
 )  # fmt: skip
 def test_edge_rolls_that_cannot_be_there(edges: tuple[float, ...], text: str) -> None:

@@ -256,7 +256,7 @@ def test_contact_lost_and_regained() -> None:
 
 
 def test_moulds_that_cannot_be_are_refused() -> None:
-    with pytest.raises(InputError, match="does not let the strand in"):
+    with pytest.raises(InputError, match="does not fit the strand"):
         billet("taper_1", "mould.width=124 mm")
     with pytest.raises(InputError, match="allowed: at most 50 %/m"):
         billet("taper_1", "mould.taper=-200 %/m")

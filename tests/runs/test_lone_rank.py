@@ -95,7 +95,7 @@ def test_a_nan_is_a_failure_of_all(tmp_path: Path) -> None:
     assert done.stderr.count("the solver fails at the smallest step") == 1
     assert "on rank" not in done.stderr.replace("process rank", "")
     record = json.loads((tmp_path / "run.json").read_text())
-    assert "ranks: so few are slower than one rank" in (tmp_path / "run.log").read_text()
+    assert "ranks: this is slower than one rank" in (tmp_path / "run.log").read_text()
     assert record["status"] == "failed" and "smallest step" in record["reason"]
     last = read_history(tmp_path / "history.csv")["time"].iloc[-1]
     assert (

@@ -126,7 +126,7 @@ def test_an_interrupted_run_goes_on_from_its_last_step(tmp_path: Path) -> None:
     assert (found["status"], found["reason"]) == ("interrupted", "stopped by the user")
     summary = Summary.load(tmp_path / "cut")
     assert summary is not None and summary.status == "interrupted"
-    with pytest.raises(InputError, match=r"casting\.length: 0\.03 m .* has come to 0\.045 m"):
+    with pytest.raises(InputError, match=r"casting\.length: 0\.03 m .* has reached 0\.045 m"):
         run(billet("taper_1", "casting.length=30 mm"), tmp_path / "cut", resume=True)
     assert record(tmp_path / "cut") == found
     reached = read_history(tmp_path / "cut" / "history.csv")["time"].iloc[-1]
@@ -195,7 +195,7 @@ def test_a_history_with_holes_is_not_resumed(tmp_path: Path) -> None:
     text = path.read_text()
     lines = text.splitlines(keepends=True)
     path.write_text("".join(lines[:2] + lines[4:]))
-    with pytest.raises(InputError, match=r"history\.csv: has 3 rows to 1 s, of 5 .* put the file"):
+    with pytest.raises(InputError, match=r"history\.csv: has 3 rows to 1 s, of 5 .* restore the"):
         run(longer, tmp_path, resume=True)
     assert (record(tmp_path)["status"], len(lines)) == ("finished", 6)
     path.write_text(text)
@@ -235,7 +235,7 @@ def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
         signal.raise_signal(signal.SIGINT)  # the same wish, told twice
         with pytest.raises(Stopped, match="stopped by the user") as stop:
             interrupt.check()
-        assert "resume=True goes on" in stop.value.__notes__[0]
+        assert "resume=True continues" in stop.value.__notes__[0]
         monkeypatch.setattr("castfem.runs.interrupt.ONE", 0.0)
         signal.raise_signal(signal.SIGUSR1)  # a rank may get it twice, seconds apart
         with pytest.raises(KeyboardInterrupt):
@@ -310,7 +310,7 @@ def test_a_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
     folder = tmp_path / "cut"
     done = python_on(2, "-c", TOLD, *words, "-o", str(folder), timeout=180.0)
     assert done.returncode == 130, done.stderr
-    assert done.stderr.count("castfem: interrupted; `castfem run ... --resume` goes on") == 1
+    assert done.stderr.count("castfem: interrupted; `castfem run ... --resume` continues") == 1
     assert record(folder)["reason"].startswith("stopped by SIGHUP")  # which MPI's UCX would swallow
     assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(0.6)
     case = load_case(THERMAL, options)
@@ -347,7 +347,7 @@ def test_a_signal_to_mpirun_saves_the_step(tmp_path: Path, number: signal.Signal
         process.send_signal(number)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert "castfem: interrupted; `castfem run ... --resume` goes on" in err
+    assert "castfem: interrupted; `castfem run ... --resume` continues" in err
     found = record(folder)
     assert found["status"] == "interrupted" and "SIGUSR1" in str(found["reason"])
     last = read_history(folder / "history.csv")["time"].iloc[-1]

@@ -223,7 +223,7 @@ def test_a_surface_beyond_the_table_of_its_nozzles_is_told_once(
     assert len(lines) == len(sides)
     for line, side in zip(lines, sides, strict=True):
         assert line.startswith("secondary.nozzle.0.table: the surface under 'flat' has ")
-        assert side in line and "beyond, it is that of its end" in line
+        assert side in line and "beyond, the end value is used" in line
 
 
 @pytest.mark.mpi

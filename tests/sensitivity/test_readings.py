@@ -190,13 +190,16 @@ def test_a_run_that_is_taken_up_again_ends_with_the_same_derivatives(tmp_path: P
 WRONG = [
     ("mesh.surface_size", "--to mesh.surface_size: a run has no derivative by it: it changes the"),
     ("casting.superheet", "the case has no number there"),
-    ("cooling.mould.law", r'it is no number \("contact"\)'),
-    ("cooling.mold.coefficient", r"'mold' is no entry of cooling; .* \(mould; did you mean mould"),
-    ("cooling.3.coefficient", "'3' is no entry of cooling; give an index from 0 to 0"),
+    ("cooling.mould.law", r'it is not a number \("contact"\)'),
+    (
+        "cooling.mold.coefficient",
+        r"'mold' is not an entry of cooling; .* \(mould; did you mean mould",
+    ),
+    ("cooling.3.coefficient", "'3' is not an entry of cooling; give an index from 0 to 0"),
     ("steel.conductance", "no number of a steel; .* did you mean conductivity"),
     ("steel.composition.C", "carbon_042 is not computed from its composition; name steel.solidus"),
     ("casting.speed=1 kg", "'kg' is the unit of a mass, a speed is needed"),
-    ("casting.speed,casting.speed", "it is named twice"),
+    ("casting.speed,casting.speed", "it is given twice"),
     ("", "a key of the case is needed"),
 ]
 
@@ -230,19 +233,23 @@ def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> Non
         InputError, match=r"solid fraction of plain_carbon; name steel.composition.C"
     ):
         read_parameters(mixed, case_steel(mixed), ["steel.solidus"])
-    with pytest.raises(InputError, match=r"takes up its heat by its enthalpy; name steel.comp"):
+    with pytest.raises(InputError, match=r"is defined by its enthalpy; name steel.comp"):
         read_parameters(mixed, case_steel(mixed), ["steel.specific_heat"])
     (carbon,) = read_parameters(mixed, case_steel(mixed), ["steel.composition.C=0.01"])
     assert (carbon.value, carbon.unit, carbon.spread) == (0.1, "", 0.01)
     billet = castfem.load("billet125/thermal")
-    with pytest.raises(InputError, match="it is 0; say by how much it may differ"):
+    with pytest.raises(InputError, match="it is 0; give its spread"):
         read_parameters(billet, case_steel(billet), ["cooling.foot spray.absorption"])
 
 
 def test_what_is_no_result_is_refused_by_name() -> None:
-    with pytest.raises(InputError, match=r"--of heat_removd: is no result.*did you mean heat_rem"):
+    with pytest.raises(
+        InputError, match=r"--of heat_removd: is not a result.*did you mean heat_rem"
+    ):
         castfem.sensitivities(bare(), "casting.speed", "heat_removd")
-    with pytest.raises(InputError, match="--of newton: it tells of steps or cells, which are held"):
+    with pytest.raises(
+        InputError, match="--of newton: it describes steps or cells, which are held fixed"
+    ):
         castfem.sensitivities(bare(), "casting.speed", "newton")
     judged = bare({"quality": {}})
     with pytest.raises(InputError, match="--of centre_solid_fraction: crack indexes and soft red"):
@@ -252,7 +259,7 @@ def test_what_is_no_result_is_refused_by_name() -> None:
     assert str(told.value).splitlines() == [
         "--of contact_share: it counts points of the surface; what touches and what sticks is "
         "held; compare runs (castfem sweep)",
-        "--of newton_mechanics: it tells of steps or cells, which are held",
+        "--of newton_mechanics: it describes steps or cells, which are held fixed",
     ]
 
 

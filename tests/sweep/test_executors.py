@@ -199,7 +199,7 @@ def test_an_evaluator_runs_by_an_executor(tmp_path):
         raise MemoryError("the node is gone")
 
     lost = Evaluator(small(SHORT), tmp_path / "lost", executor=Fake(answer))
-    with pytest.raises(castfem.RunFailure, match="the node is gone; the same command goes on"):
+    with pytest.raises(castfem.RunFailure, match="the node is gone; the same command continues"):
         lost()
     assert Evaluator(small(SHORT), tmp_path / "lost")().quantities == good.quantities
 

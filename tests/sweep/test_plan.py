@@ -163,13 +163,13 @@ def test_refused(base, assignments, message):
             "speed [m/min],casting.speed [m/min]\n1,2\n",
             "line 1: two columns are of casting.speed; leave one out",
         ),
-        ("name,order\na,{ a=1, b=2 }\n", "run 1 has 3 cells, the header 2 (a cell with commas"),
+        ("name,order\na,{ a=1, b=2 }\n", "run 1 has 3 cells, the header 2 (put a cell with commas"),
         ("name,order\na,1\nb,2\na,2\n", "line 4: two rows are named a"),
-        ("name,order\na,1\n.,2\n", 'line 3: the name "." makes no name of a folder; give it let'),
-        ("name,order\n/,1\n", 'line 2: the name "/" makes no name of a folder'),
+        ("name,order\na,1\n.,2\n", 'line 3: the name "." cannot name a folder; give it let'),
+        ("name,order\n/,1\n", 'line 2: the name "/" cannot name a folder'),
         (
             "name,order\nsweep.csv,1\n",
-            'line 2: the name "sweep.csv" is kept for files of the sweep',
+            'line 2: the name "sweep.csv" is reserved for files of the sweep',
         ),
         ("speed [m/min]\n3 kg\n", "run 1: casting.speed: "),
     ],
@@ -222,7 +222,7 @@ def test_key_in_table_and_behind_set(base, tmp_path):
     table = tmp_path / "runs.csv"
     table.write_text("speed [m/min]\n3\n4\n")
     (problem,) = _problems(base, "speed=3 m/min,4 m/min", table=table)
-    assert "casting.speed stands behind --set, too" in problem
+    assert "casting.speed is also given by --set" in problem
 
 
 GIVEN = {

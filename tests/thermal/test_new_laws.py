@@ -138,7 +138,7 @@ def test_a_law_without_a_bound_of_its_slope_cannot_be_made(
     with pytest.raises(TypeError, match=r"Falling .*least_rise"):
         Falling()
     monkeypatch.setattr(rated, "build", lambda *_: object())
-    with pytest.raises(TypeError, match="object is no flux law; derive it from SurfaceLaw"):
+    with pytest.raises(TypeError, match="object is not a flux law; derive it from SurfaceLaw"):
         castfem.run(case.with_({HEAT: [RATED]}))
 
 

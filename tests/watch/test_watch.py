@@ -205,7 +205,7 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
     last = watcher.status()
     assert last.ended and not last.complete
     said = "\n".join(unfinished(last))
-    assert "1 waiting: later" in said and "no run has been at work for 1:01" in said
+    assert "1 waiting: later" in said and "no run has been running for 1:01" in said
     assert "--wait" in said and "fast: failed: it breaks out" in said
     assert not SweepWatcher(tmp_path, clock, math.inf).status().ended
     target = tmp_path / "page.html"
@@ -228,7 +228,7 @@ def test_a_folder_without_a_run_is_told_in_one_line(
     for folder, told in (
         (tmp_path, "holds no run of castfem; --wait waits for one to begin"),
         (tmp_path / "none", "no such folder; --wait waits for one to begin"),
-        (tmp_path / "file", "is no folder"),
+        (tmp_path / "file", "is not a folder"),
     ):
         assert execute(["watch", str(folder)]) == 1
         assert capsys.readouterr().err == f"castfem: {folder}: {told}\n"
@@ -260,7 +260,7 @@ def test_a_run_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
         assert watch(folder, viewing)
     printed = text().splitlines()
     assert printed[0].startswith(f"{folder}: no run has begun")
-    (stopped,) = (one for one in printed if "waiting for it to be taken up again" in one)
+    (stopped,) = (one for one in printed if "waiting for it to be resumed" in one)
     assert "killed or aborted" in stopped and printed[-1].startswith("finished")
     assert printed.index(stopped) < len(printed) - 2
     assert all('http-equiv="refresh"' in one for one in pages)

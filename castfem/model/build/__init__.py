@@ -1,1 +1,1 @@
-"""From a case to the objects that compute it."""
+"""Builders of the computing objects from a case."""

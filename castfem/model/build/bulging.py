@@ -1,4 +1,4 @@
-"""From [mechanics.bulging] and the rolls to the foundation that bears the wide faces."""
+"""Build the foundation of the wide faces from [mechanics.bulging] and the rolls."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ if TYPE_CHECKING:
 Memory = Mapping[str, Array]
 WIDTHLESS = (
     ". That is a strip, held by its rolls alone: where the narrow faces are not many pitches apart "
-    'they would hold it, too; mechanics.bulging = "elastic" leaves its creep out and goes on'
+    'they would hold it, too; mechanics.bulging = "elastic" neglects creep and continues'
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of what bears the wide faces."""
+    """Limits of the foundation of the wide faces."""
 
-    #: of the pitch: beyond, slopes are no longer small, and no strand is cast so
+    #: relative to the pitch: beyond, slopes are no longer small, and no strand is cast like that
     most_bulge: float = 0.05
-    least_bulge: float = 50e-6  #: a bed is no stiffer than the pressure over this, m
-    #: of a bed's stiffness: what holds a solid strand that no roll touches in its place
+    least_bulge: float = 50e-6  #: stiffness of a bed is at most the pressure over this, m
+    #: relative to a bed's stiffness: holds a solid strand that touches no roll in place
     within: float = 1e-3
-    #: of the pitch: from the narrow face to where a clamped plate bulges as a strip
+    #: relative to the pitch: distance from the narrow face where a clamped plate bulges as a strip
     edge: float = 0.32
-    #: what a face moves in the mould under a change of the pressure by itself, m
+    #: motion of a face in the mould under a change of the pressure alone, m
     mould_play: float = 1e-3
-    #: rolls whose forces are remembered where they are not alike, see `UnevenPitch`
+    #: number of rolls whose forces are stored if rolls are uneven, see `UnevenPitch`
     foreseen: int = 3
 
 
@@ -60,44 +60,45 @@ LIMITS = Limits()
 class Face:
     """A wide face."""
 
-    probe: str  #: name of the line inwards from its middle
-    #: where the first roll has it, outwards from the undeformed section, m: where the mould leaves
-    #: it, if there is one
+    probe: str  #: name of the inward line from its middle
+    #: offset at the first roll, outwards from the undeformed section, m: where the mould leaves it,
+    #: if there is one
     start: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class PitchByPitch:
-    """Foundation of the wide faces: a bulge for each pitch, from the shell in its middle.
+    """Foundation of the wide faces: one bulge for each pitch, from the shell in its middle.
 
-    A pitch begins with the first step that ends beyond its roll, and its strip goes at the mean
-    speed of the slice from roll to roll: where the strand stops in between it creeps for longer.
-    Half of that time after its roll it has the shell that it is computed with, which is foreseen.
-    Above the first roll the mould holds all faces against the pressure, softly: its taper is that
-    of the shell. A mould that is there holds them itself, and its end bears the shell like a roll.
+    A pitch starts with the first step that ends beyond its roll, and its strip moves at the slice's
+    mean speed from roll to roll: where the strand stops in between, it creeps for longer. It is
+    computed with the shell predicted for half of that time after its roll. Above the first roll the
+    mould holds all faces against the pressure, softly: its taper follows the shell. A modelled
+    mould holds them itself, and its end supports the shell like a roll.
     """
 
-    #: makes a bulge of a shell and a pitch, by the position of the pitch's middle, m
+    #: makes a bulge from shell and pitch, by the position of the pitch's middle, m
     model: Callable[[float], BulgingModel]
-    nodes: int  #: of a bulge
+    nodes: int  #: number of nodes of a bulge
     machine: Machine  #: of the case
-    rolls: Array  #: positions of the pairs, m; before them that of the end of a mould that is there
-    offsets: Array  #: of the rolls from where the first is, outwards, m
+    rolls: Array  #: positions of the pairs, m; preceded by the end of the mould if modelled
+    offsets: Array  #: offsets of the rolls from the first one, outwards, m
     faces: Mapping[str, Face]  #: the wide faces by their groups
-    others: tuple[str, ...]  #: groups that the mould alone holds
-    probes: LineProbes  #: have those lines
+    others: tuple[str, ...]  #: groups held by the mould only
+    probes: LineProbes  #: lines of the wide faces
     front: float  #: temperature at the inside of the shell, K
     core: Core  #: the liquid
-    ahead: ShellPrediction  #: foresees the shell
+    ahead: ShellPrediction  #: predicts the shell
     #: of the section, m; None to leave the strip's axial strain out of the slice
     half_width: float | None = None
-    uneven: UnevenRolls | None = None  #: rolls that are not alike; None where none is lost or off
-    #: rolls from the line of the strand, towards the centre of curvature, m
+    #: treatment of uneven rolls; None if none is missing or misaligned
+    uneven: UnevenRolls | None = None
+    #: offsets of the rolls from the strand's line, towards the centre of curvature, m
     lines: Array | None = None
-    above: int = 0  #: how many of `rolls` are no rolls: 1 with the end of a mould, else 0
+    above: int = 0  #: entries of `rolls` that are not rolls: 1 with the end of a mould, else 0
 
     def initial(self) -> Memory:
-        """See `Foundation`: `pitch` counts the rolls that were passed, the rest is its bulge's."""
+        """See `Foundation`: `pitch` counts the rolls passed, the rest belongs to its bulge."""
         many = len(self.faces)
         names = ("stiffness", "thickness", "neutral", "largest", "force", "load", "error")
         found: dict[str, Array] = {name: np.zeros(many) for name in names}
@@ -154,13 +155,13 @@ class PitchByPitch:
     def _entered(
         self, passed: int, time: float, profiles: dict[str, Profile], old: Memory
     ) -> Memory:
-        """What is remembered of a pitch that begins at `time` (s), after so many rolls.
+        """Memory of a pitch that starts at `time` (s), after so many rolls.
 
         The profiles are those of its middle.
         """
         new = {name: np.array(values) for name, values in self.initial().items()}
         new["pitch"][0], new["error"][:] = passed, old["error"]  # the largest so far
-        if passed == len(self.rolls):  # beyond the last nothing bulges
+        if passed == len(self.rolls):  # nothing bulges beyond the last roll
             head = self.core.head(time)
             new["z"][:] = np.arange(self.nodes)
             new["stiffness"][:] = head / LIMITS.least_bulge
@@ -183,20 +184,20 @@ class PitchByPitch:
         for i, (span, profile) in enumerate(zip(spans, shells, strict=True)):
             bulge, added = strips[i]
             top, most = _furthest(bulge)
-            # That of the shell between its rolls, p/w, and p is what is left of the head. Below
-            # a lost roll a shell that has crept dips all along: it is as soft there.
+            # The shell's stiffness between its rolls is p/w, where p is the remaining head. Below a
+            # missing roll a shell that has crept dips everywhere: it is as soft there.
             left = max(self.core.share_handed_on(profile), LIMITS.within)
             new["stiffness"][i] = head / max(most / left, LIMITS.least_bulge)
             new["thickness"][i], new["largest"][i] = bulge.thickness, top
             new["load"][i] = span.pressure * span.length
             new["error"][i] = max(old["error"][i], bulge.error)
-            if passed > self.above:  # the end of a mould is no roll
+            if passed > self.above:  # the end of a mould is not a roll
                 new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
             if added is not None:
                 new["force"][i], new["added"][i] = bulge.roll_force[0], added
             new["neutral"][i] = bulge.neutral
             new["z"][i] = span.length * np.linspace(0.0, 1.0, self.nodes)
-            if len(bulge.z) == self.nodes:  # else it does not bulge
+            if len(bulge.z) == self.nodes:  # otherwise it does not bulge
                 for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
                     new[name][i] = getattr(bulge, name)
         return new
@@ -211,7 +212,7 @@ class PitchByPitch:
         *,
         front: bool = False,
     ) -> Array | None:
-        """See `StretchingFoundation`: of the strip, fading towards the narrow faces."""
+        """See `StretchingFoundation`: strain of the strip, decreasing towards the narrow faces."""
         passed = int(new["pitch"][0])
         if self.half_width is None or not 0 < passed < len(self.rolls):
             return None
@@ -235,7 +236,7 @@ class PitchByPitch:
     def _bulge(
         self, pitch: int, outward: float, span: Span, profile: Profile
     ) -> tuple[Bulge, Array | None]:
-        """Bulge of a pitch, and what its rolls bear besides if they are not alike.
+        """Bulge of a pitch, and the additional roll loads if rolls are uneven.
 
         Raises:
             RunFailure: There is no shell, or none that can span the pitch.
@@ -251,7 +252,7 @@ class PitchByPitch:
             return Bulge.none(span, shell), None
         model, added = self.model(middle), None
         try:
-            below = pitch - self.above  # the index of the roll above it
+            below = pitch - self.above  # index of the roll above it
             if self.uneven is not None and below >= 0 and self.uneven.near(below):
                 found = self.uneven.bulge(below, span, shell, outward)
                 bulge, added = found.bulge, found.added
@@ -266,7 +267,7 @@ class PitchByPitch:
 
 
 def _furthest(bulge: Bulge) -> tuple[float, float]:
-    """Largest deflection outwards, and the largest to either side, m."""
+    """Largest outward deflection, and largest absolute deflection, m."""
     top, _, low = bulge.extremes()
     return top, max(top, -low)
 
@@ -283,5 +284,5 @@ def _breaks_out(first: float, last: float, bulge: Bulge, most: float, creeps: bo
 
 
 def _outward(group: str) -> float:
-    """1 of a face to the centre of curvature, -1 of the other."""
+    """1 for the face towards the centre of curvature, -1 for the other."""
     return -1.0 if group.endswith("_extrados") else 1.0

@@ -1,4 +1,4 @@
-"""From the cooling zones of a case to what cools the surface at a time.
+"""Build the surface cooling over time from the cooling zones of a case.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -39,14 +39,14 @@ Row = tuple[list[int], flux_laws.SurfaceLaw]
 
 
 class Zones:
-    """The machine seen from the slice: which cooling holds at which time.
+    """Cooling along the machine as the slice meets it over time.
 
     Args:
         case: Sound.
-        machine: What the slice passes, and when.
+        machine: Positions and times of the slice.
         steel: Gives the emissivity where the case does not.
         surface: Perimeter shares of the section's boundary groups.
-        beside: Of another slice, whose case differs in speed, superheat, water and start alone.
+        beside: Zones of another slice whose case differs only in speed, superheat, water and start.
 
     Raises:
         InputError: If a law names a boundary group the section does not have, or radiation needs an
@@ -65,7 +65,8 @@ class Zones:
         self.starts = [machine.time_at(span.start) for span in self.spans]
         self._end = machine.time_at(self.spans[-1].end)
         self._surface, self._beside = surface, beside
-        self.sides: SurfaceGap | None = None  #: tells which vertices have two gaps; with a mould
+        #: tells which vertices have two gaps; only with a mould
+        self.sides: SurfaceGap | None = None
         self._case = case
         wall = wall_over_time(case, machine)
         self._around = Surroundings(
@@ -83,7 +84,7 @@ class Zones:
     def _below(
         self, case: Case, machine: Machine, steel: Steel, beside: SecondaryCooling | None
     ) -> SecondaryCooling | None:
-        """Put what holds from roll to roll in the place of its span, the last; None without."""
+        """Replace the last span by roll-to-roll cooling; None without it."""
         if not self.spans[-1].roll_to_roll:
             return None
         from castfem.model.build.secondary import SecondaryCooling
@@ -100,12 +101,12 @@ class Zones:
         return self._surface
 
     def name(self, index: int) -> str:
-        """Name of what cools in a zone."""
+        """Name of the cooling of a zone."""
         return self.spans[min(max(index, 0), len(self.spans) - 1)].name
 
     @property
     def changes(self) -> list[float]:
-        """Instants at which the cooling changes, s: the zone boundaries and the kinks of tables."""
+        """Times at which the cooling changes, s: the zone boundaries and the kinks of tables."""
         times = list(self.starts[1:])
         for span in self.spans:
             for _, law in span.laws:
@@ -127,23 +128,23 @@ class Zones:
             ]
 
     def _across(self, law: flux_laws.Contact, gap: Array, patch: Patch) -> flux_laws.Contact:
-        """A law across the gaps of a patch, of which corners have two."""
+        """A law across the gaps of a patch; corners have two gaps."""
         if self.sides is None or not len(self.sides.corners):
             return law.across(gap[patch.dofs])
         both = np.stack([gap[patch.dofs], gap[self.sides.second[patch.dofs]]])
         return law.across(both, self.sides.first[patch.dofs])
 
     def follow_shape(self) -> None:
-        """Cool the surface as it is now (collective)."""
+        """Apply the cooling to the current shape of the surface (collective)."""
         self._surface.follow_shape()
 
     def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
-        """Heat flux at the owned vertices (owned,), W/m2, if these were the gaps that change it.
+        """Heat flux at the owned vertices (owned,), W/m2, for the given gaps.
 
         Args:
             gap: As for `set_gap`, m.
             temperature: (owned,), K.
-            time: Within the zone that counts, s.
+            time: Time that selects the zone, s.
         """
         flux = np.zeros_like(temperature)
         for patch, law in self._coolings[self.index(time)].laws:
@@ -154,16 +155,16 @@ class Zones:
 
     @property
     def has_given_heat(self) -> bool:
-        """Whether the flux of each contact is given, and not over the surface temperature."""
+        """Whether the flux of each contact is given and independent of surface temperature."""
         laws = [law for span in self.spans for _, law in span.laws if isinstance(law, Contact)]
         return bool(laws) and all(
             law.flux is not None and over_temperature(law.flux) is None for law in laws
         )
 
     def heat_asked(self, end: float) -> float:
-        """Heat that given fluxes of contact would take to a time `end` (s) without a gap, J/m.
+        """Heat that given fluxes of contact would take by the time `end` (s) without a gap, J/m.
 
-        That of the whole strand (collective).
+        Total of the whole strand (collective).
         """
         asked = 0.0
         for i, (span, start) in enumerate(zip(self.spans, self.starts, strict=False)):
@@ -179,7 +180,7 @@ class Zones:
         return asked
 
     def index(self, time: float) -> int:
-        """Zone of a step that begins at `time` (s)."""
+        """Zone of a step that starts at `time` (s)."""
         tiny = 1e-9 * max(time, 1e-3)
         return max(bisect_right(self.starts, time + tiny) - 1, 0)
 
@@ -188,17 +189,17 @@ class Zones:
         return self._coolings[index]
 
     def ambient_range(self) -> tuple[float, float]:
-        """Lowest and highest temperature the machine can drive the strand to, K."""
+        """Lowest and highest temperature the cooling can drive the strand to, K."""
         low, high, _ = self._ambient
         return low, high
 
     @cached_property
     def _ambient(self) -> tuple[float, float, bool]:
-        """The same, and whether it does not change in time: another slice meets it, too."""
+        """Like `ambient_range`, and whether it is constant in time and so fits other slices."""
         if self._beside is not None and self._beside._ambient[2]:
             return self._beside._ambient
-        times = {*self.starts, *self.changes, self._end}  # circuits change at the same ones
-        # From roll to roll the surroundings do not change in time.
+        times = {*self.starts, *self.changes, self._end}  # circuits change at the same times
+        # With roll-to-roll cooling the ambient temperatures are constant in time.
         count = len(self.spans) - (self._secondary is not None)
         above = [[c.ambient_range(t) for t in times] for c in self._coolings[:count]]
         below = [c.ambient_range(self._end) for c in self._coolings[count:]]
@@ -214,7 +215,7 @@ class Zones:
         return share
 
     def perimeter(self) -> float:
-        """Perimeter of the whole strand as it is now, m (collective)."""
+        """Current perimeter of the whole strand, m (collective)."""
         return self._length(self._surface.whole())
 
     def _length(self, patch: Patch) -> float:
@@ -232,7 +233,7 @@ class Zones:
         return [t for t in section.matching(names) if section.groups[t] in section.outer_groups]
 
     def _seen(self, index: int, law: HeatLaw, tags: list[int]) -> Surroundings:
-        """What a law on the groups of `tags` in a zone may ask for (collective)."""
+        """Data that a law on the groups `tags` in a zone may request (collective)."""
         if not law.asks_extent:
             return self._around
         zone, length = self._case.cooling[index], self._case.casting.length
@@ -259,7 +260,9 @@ class Zones:
             if isinstance(made, flux_laws.PrescribedTemperature):
                 cooling.prescribed.append((self._surface.patch(tags), made))
             elif not isinstance(made, flux_laws.SurfaceLaw):
-                raise TypeError(f"{type(made).__name__} is no flux law; derive it from SurfaceLaw")
+                raise TypeError(
+                    f"{type(made).__name__} is not a flux law; derive it from SurfaceLaw"
+                )
             else:
                 crossing |= {len(rows)} if law.crosses_gap else set()
                 rows.append((tags, made))
@@ -269,12 +272,12 @@ class Zones:
 
 
 def across_gaps(rows: list[Row], crossing: set[int]) -> list[Row]:
-    """The laws of a zone; those that cross a gap stand beside the contact that has it, (35)-(36).
+    """The laws of a zone; those that cross a gap are added to the contact with that gap, (35)-(36).
 
     Args:
         rows: Tags of boundary groups, and the law that holds on them.
         crossing: Rows of the laws that cross the gap of a contact law on the same group; of two
-            contact laws there the first has the gap.
+            contact laws there, the first has the gap.
     """
     found: list[Row] = []
     met: set[int] = set()
@@ -301,13 +304,13 @@ def _crosses(law: flux_laws.SurfaceLaw) -> flux_laws.Convection | flux_laws.Radi
 
 
 def wall_over_time(case: Case, machine: Machine) -> float | OverTime | None:
-    """Temperature of the mould's wall as the slice passes it, K, over time; None if not given."""
+    """Temperature of the mould wall as the slice passes it, K, over time; None if not given."""
     given = None if case.mould is None else case.mould.wall_temperature
     return OverTime(given, machine) if isinstance(given, Table) else given
 
 
 def water_supply(case: Case, steel: Steel, section: Section) -> Supply:
-    """Return what turns water per mass of steel, or shares, into flows (collective)."""
+    """Return the conversion of water per mass of steel, or of shares, into flows (collective)."""
     casting = case.casting
     mass = None if section.source is None else steel_per_length(section.source, steel)
     return Supply(section.comm.bcast(mass), casting.travel, case.water, casting.clock)

@@ -1,4 +1,4 @@
-"""From the table [mechanics] and the steel of a case to the constitutive law."""
+"""Build the constitutive law from the table [mechanics] and the steel of a case."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def build_law(
     """The law of the slice, with the elasticity and the mushy zone of `table`.
 
     Args:
-        table: What the case says.
-        steel: Of the case.
-        law_origin: Where the law was named ("billet.toml: mechanics.law"), for messages.
+        table: The table of the case.
+        steel: Steel of the case.
+        law_origin: Where the law is named ("billet.toml: mechanics.law"), for messages.
         elasticity_origin: The same for the elasticity.
 
     Raises:
-        InputError: With all problems found, one line each.
+        InputError: Lists all problems found, one line each.
     """
     solidity = Solidity.of(
         steel,
@@ -62,7 +62,7 @@ def build_law(
 
 
 def _elasticity(table: Mechanics, steel: Steel, solidity: Solidity) -> Elasticity:
-    """The set that is named, or each of the steel's own; what it lacks is plain carbon steel's."""
+    """The named set, or each of the steel's own; missing properties are those of carbon steel."""
     if table.elasticity is not None:
         return load_elasticity(table.elasticity, solidity)
     found = load_elasticity(solidity=solidity)
@@ -76,10 +76,10 @@ def try_solver(table: str, options: Options) -> None:
 
     Args:
         table: "thermal" or "mechanics".
-        options: The user's.
+        options: The user's options.
 
     Raises:
-        InputError: An option is of no family PETSc knows, or PETSc refuses its value.
+        InputError: An option belongs to no family that PETSc knows, or PETSc rejects its value.
     """
     from castfem.fem.snes import try_options
 

@@ -1,4 +1,4 @@
-"""From the tables of a case to the mechanics of its slice, and to the axial effort of a run."""
+"""Build the mechanics of the slice and the axial effort of a run from a case."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def build_mechanics(
     """The mechanics of `case` (collective); None for a case without.
 
     Raises:
-        InputError: If the law, a boundary group or a solver option cannot be had, the steel lacks a
-            property, or nothing tells the strain across from a displacement.
+        InputError: The law, a boundary group or a solver option is unavailable, the steel lacks a
+            property, or a free strain across cannot be distinguished from a displacement.
     """
     table = case.mechanics
     if table is None:
@@ -78,7 +78,7 @@ def build_mechanics(
 
 
 def _check_across(problem: MechanicalProblem) -> None:
-    """Refuse a free strain across that is a displacement like any other: no side follows it."""
+    """Reject a free strain across that is a displacement like any other: no side follows it."""
     apart = problem.constraints.spread(component=1)
     if "across" in problem.slice.planes.free and apart <= ROUNDING * problem.scales.length:
         problem.destroy()
@@ -98,7 +98,7 @@ def make_slice(
     probes: LineProbes,
     law: Law | None = None,
 ) -> Slice:
-    """What the slice of `case` is made of and how it is held; `law` stands in for its own."""
+    """Material, boundary conditions and loads of the slice of `case`; `law` replaces its own."""
     if law is None:
         law = build_law(table, steel)
     wall = None if case.mould is None else _wall(case.mould, case.section, machine, section)
@@ -136,7 +136,7 @@ def _wall(table: Mould, strand: Strand, machine: Machine, section: Section) -> C
 
 
 def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:
-    """What each of the equal parts of the section bears over time of a load on the whole."""
+    """Load over time on each of the equal parts of the section, from a load on the whole."""
     if value == 0.0:
         return zero
     whole = over_time(value, machine)
@@ -150,7 +150,7 @@ def _planes(
     steel: Steel,
     section: Section,
 ) -> Planes:
-    """What constrains the planes: the rolls of a machine that bends the strand, or the case."""
+    """Constraint of the planes: the rolls of a machine that bends the strand, or the case."""
     force = _shared(table.force, machine, section.multiplicity)
     if case.bends:
         effort = None
@@ -219,7 +219,7 @@ def _ferrostatic(
 ) -> Ferrostatic | None:
     """Pressure of the liquid; None if it is left out.
 
-    Where no wall holds the liquid at the surface by contact it is held from `outside`.
+    Where no wall holds the liquid at the surface by contact, it is held from `outside`.
     """
     if table.ferrostatic == "off":
         return None
@@ -237,7 +237,7 @@ def build_effort(
     """The effort of a case; None without [machine.extraction], or if nothing balances it.
 
     Raises:
-        StrandStopsError: The drives are weaker than the rolls of a curve that is known.
+        StrandStopsError: The drives are weaker than the rolls of a given curve.
     """
     table = None if case.machine is None else case.machine.extraction
     if table is None or case.machine is None or given.neutral_axis not in (None, "free"):
@@ -258,16 +258,17 @@ def build_effort(
 
 @dataclass(frozen=True, slots=True)
 class PressedRolls:
-    """Rolls that carry the pressure of the liquid over the length of strand that is theirs.
+    """Rolls that carry the pressure of the liquid over their length of strand.
 
-    That is statics: it holds whatever the shell does between rolls that are alike. What rolls that
-    are not bear besides, the strip tells of a run whose faces bulge.
+    This is statics: it holds for any behaviour of the shell between equal rolls. Additional loads
+    of uneven rolls come from the strip of a run whose faces bulge.
     """
 
-    #: by the index of each pair the pressure of the liquid in the middle of the strand there, Pa,
-    #: and the length of strand that the pair carries, m
+    #: for each pair, by index: liquid pressure in the middle of the strand, Pa, and length of
+    #: strand that the pair carries, m
     loads: Mapping[int, tuple[float, float]]
-    #: of the liquid behind a wide face, m, of temperatures at the owned vertices (collective)
+    #: width of the liquid behind a wide face, m, from temperatures at the owned vertices
+    #: (collective)
     width: Callable[[Array], float]
 
     def on_pair(self, index: int, temperature: Array, added: float) -> float:
@@ -279,8 +280,9 @@ class PressedRolls:
 def pressed_rolls(
     case: Case, pairs: Pairs, machine: Machine, steel: Steel, section: Section
 ) -> RollForces:
-    """Forces of bulging by statics."""
-    density, places = float(steel.density(steel.liquidus + 1.0)), pairs.places  # of the liquid
+    """Bulging forces by statics."""
+    # density of the liquid
+    density, places = float(steel.density(steel.liquidus + 1.0)), pairs.places
     pressure = [density * GRAVITY * machine.height(float(place)) for place in places]
     thickness = thickness_of(case.section)
     assert thickness is not None, "a strand that is bent has a thickness"
@@ -292,9 +294,9 @@ def pressed_rolls(
 
 
 class LiquidWidth:
-    """Width of what is liquid in the middle of the thickness, m; of the mushy zone its liquid part.
+    """Width of the liquid in the middle of the thickness, m, with the liquid fraction of the mush.
 
-    It is the mean over a twentieth of the thickness to each side of the middle.
+    It is the mean over a twentieth of the thickness on each side of the middle.
     """
 
     def __init__(
@@ -312,6 +314,6 @@ class LiquidWidth:
         self._weight = weight * width / reductions.total(self._comm, float(weight.sum()))
 
     def __call__(self, temperature: Array) -> float:
-        """Width at temperatures of the owned vertices (owned,), K (collective)."""
+        """Width for temperatures of the owned vertices (owned,), K (collective)."""
         liquid = 1.0 - np.asarray(self._solid(temperature))
         return reductions.total(self._comm, float(self._weight @ liquid))

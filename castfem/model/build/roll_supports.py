@@ -1,4 +1,4 @@
-"""From the rolls of a case to the supports of its faces: wide ones, and narrow ones with rolls."""
+"""Build the roll supports of the faces: wide ones, and narrow ones with rolls."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def build_roll_supports(
     liquid: Ferrostatic | None,
     wall: Contact | None,
 ) -> tuple[RollSupport, ...]:
-    """The supports of a sound case by its rolls, below the mould it has.
+    """The roll supports of a sound case, below its mould.
 
-    That of the wide faces, and that of the narrow ones where the machine has rolls there.
+    One for the wide faces, and one for the narrow faces if the machine has rolls there.
     """
     from castfem.model.machine import thickness_of
 
@@ -92,7 +92,7 @@ def build_roll_supports(
         loose=others,
     )  # fmt: skip
     edges = None if rolls.edges is None else _Line.of(rolls.edges, width, case.mould_exit())
-    # Without a mould of its own the support of the wide faces holds the others to its first roll.
+    # Without a modelled mould, the support of the wide faces holds the others to its first roll.
     first = wide.knots[0] if others else -np.inf
     if edges is None or not max(first, edges.places[0]) < edges.places[-1]:
         return (wide,)
@@ -112,8 +112,8 @@ def _of_narrow_faces(
 ) -> RollSupport:
     """The support of the narrow faces, from the end of the mould, or `first`, to their last roll.
 
-    Their corners hold them, too, and they are no wider than a pitch: a strip that creeps by itself
-    would bulge, and dip below its rolls, by much more than they do. `pitches` have elastic ones.
+    Their corners also hold them, and they are no wider than a pitch: a separately creeping strip
+    would bulge, and dip below its rolls, much more than they do. `pitches` are elastic.
     """
     return RollSupport(
         on=tuple(faces),
@@ -130,15 +130,15 @@ def _of_narrow_faces(
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """Where rolls bear a face, the end of the mould above them included."""
+    """Supports of a face by rolls, including the end of the mould above them."""
 
     places: Array  #: m
-    offsets: Array  #: from where the first is, outwards, m
-    above: int  #: 1 with the end of a mould, which is no roll
+    offsets: Array  #: offset from the first, outwards, m
+    above: int  #: 1 with the end of a mould, which is not a roll
 
     @classmethod
     def of(cls, rolls: Rolls, size: float, end: float | None) -> _Line:
-        """That of rolls on a section of some size between them, m, below the end of a mould, m."""
+        """Supports by rolls on a section of a given size, m, below the end of a mould, m."""
         places = np.array([rolls.pairs[i].position for i in rolls.there])
         apertures = np.array([rolls.aperture(i, size) for i in rolls.there])
         above = int(end is not None and not same_or_before(float(places[0]), end))
@@ -153,7 +153,7 @@ def _faces(section: Section, name: str) -> list[str]:
 
 
 def _left_by(wall: Contact | None, end: float | None, middle: tuple[float, float]) -> float:
-    """Where a mould has the middle of a face, m, at its end, m outwards."""
+    """Position of the middle of a face at the end of its mould, m, outwards."""
     if wall is None or end is None:
         return 0.0
     place = np.array([middle])
@@ -169,7 +169,7 @@ def _probe(group: str, probes: LineProbes) -> str:
 
 
 def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], BulgingModel], int]:
-    """The model by the position of a pitch, and the nodes of its bulges."""
+    """The bulging model by the position of a pitch, and the number of nodes of its bulges."""
     if table.model == "creep":
         strip = CreepingStrip(law, shear=bool(table.shear))
         return lambda middle: strip, strip.steps // 2 + 1

@@ -1,4 +1,4 @@
-"""From [secondary] to what cools each face at each place, and what changes it in time."""
+"""Build the secondary cooling of each face by position, and its changes in time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def rows_of(case: Case) -> tuple[Row, ...]:
-    """Return the rows of nozzles of a sound case with [secondary], as it has them."""
+    """Return the rows of nozzles of a sound case with [secondary]."""
     rolls = None if case.machine is None else case.machine.pairs()
     assert case.secondary is not None and rolls is not None
     rows = case.secondary.rows(rolls, case.section.height)  # type: ignore[attr-defined]
@@ -41,20 +41,19 @@ class SecondaryCooling:
     """Cooling from roll to roll.
 
     Args:
-        case: With [secondary], sound.
-        machine: What the slice passes, and when.
+        case: Sound case with [secondary].
+        machine: Positions and times of the slice.
         steel: Gives the emissivity where the case does not.
         surface: Perimeter shares of the section's boundary groups.
-        start: Where it begins, from the meniscus, m.
-        rows: Of nozzles; by default those of the case
-            (`castfem.physics.machine.sprays.scale_water` changes
-            the water of some).
-        beside: Of another slice, whose case differs in speed, water and start alone: what its faces
-            meet is met here, too.
+        start: Start of this cooling, from the meniscus, m.
+        rows: Rows of nozzles; by default those of the case
+            (`castfem.physics.machine.sprays.scale_water` changes the water of some).
+        beside: Cooling of another slice, whose case differs only in speed, water and start: shared
+            data.
 
     Attributes:
-        positions: Where something changes, from `start` on, m.
-        coolings: What holds from there on, as many.
+        positions: Positions where something changes, from `start` on, m.
+        coolings: The cooling from each of these positions on.
     """
 
     def __init__(
@@ -97,7 +96,7 @@ class SecondaryCooling:
     def _meets(
         self, case: Case, machine: Machine, surface: Surface, rows: tuple[Row, ...] | None
     ) -> list[_Met]:
-        """What each boundary group meets on its way down; see `SecondaryCooling` for the rows."""
+        """Data of each boundary group along the machine; see `SecondaryCooling` for the rows."""
         table, rolls = self._table, None if case.machine is None else case.machine.pairs()
         assert rolls is not None
         rows = rows_of(case) if rows is None else rows
@@ -126,7 +125,7 @@ class SecondaryCooling:
 
     @property
     def changes(self) -> list[float]:
-        """Instants at which water changes its slope in time, s."""
+        """Times at which the slope of the water flow changes, s."""
         return [kink for flow in self._flows.values() for kink in flow.kinks]
 
     def roll_contact(
@@ -154,7 +153,7 @@ class SecondaryCooling:
         return tuple(found) if water is None else (*found, water)
 
     def _row(self, row: Row, circuit: Circuit, places: Array) -> _SprayedRow:
-        """What a row sprays at places across its face (n,), m."""
+        """Water of a row at places across its face (n,), m."""
         model = self._table.model_of(circuit)
         width = footprint(circuit.stand_off, model.angle)
         each = WATER_DENSITY * row.share / circuit.nozzles() / (row.end - row.start)
@@ -162,31 +161,31 @@ class SecondaryCooling:
         return _SprayedRow(circuit.name, water)
 
     def share(self, row: _SprayedRow) -> Share:
-        """What a row adds to the water of its face, with the flow of its circuit over time."""
+        """Share of a row in the water of its face, with its circuit's flow over time."""
         name = row.circuit
         return Share(row.water, self._flows[name], self._most[name], self._coefficients[name])
 
     @property
     def water_temperature(self) -> float:
-        """Of all water, K."""
+        """Temperature of all water, K."""
         return self._table.water_temperature
 
 
 @dataclass(frozen=True, slots=True)
 class _SprayedRow:
-    """A row of nozzles on one face, whatever its water."""
+    """A row of nozzles on one face, for any water flow."""
 
     circuit: str  #: name of its circuit
-    water: Array  #: on each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s)
+    water: Array  #: water on each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s)
 
 
 @dataclass(frozen=True, slots=True)
 class _Met:
-    """What a boundary group meets on its way down, whatever the speed and the water."""
+    """Data of a boundary group along the machine, for any speed and water."""
 
-    tag: int  #: of the group
+    tag: int  #: tag of the group
     stretches: tuple[Stretch, ...]  #: from the meniscus down
-    rows: Mapping[int, _SprayedRow]  #: of nozzles, by the number that stretches have
+    rows: Mapping[int, _SprayedRow]  #: rows of nozzles, by their number in the stretches
 
 
 class _Face:
@@ -217,12 +216,12 @@ class _Face:
                 self._laws[i] = () if law is None else (law,)
 
     def laws_at(self, position: float) -> tuple[SurfaceLaw, ...]:
-        """The laws that hold from a position (m) on."""
+        """The laws from a position (m) on."""
         return self._laws[max(bisect_right(self._starts, position + ROUNDING) - 1, 0)]
 
 
 def _cooling(surface: Surface, faces: Sequence[_Face], position: float) -> Cooling:
-    """What cools all faces from a position (m) on; a law that several have is asked once."""
+    """Cooling of all faces from a position (m) on; a law shared by several is evaluated once."""
     tags: dict[int, tuple[SurfaceLaw, list[int]]] = {}
     for face in faces:
         for law in face.laws_at(position):
@@ -238,7 +237,7 @@ def _same(one: Cooling, other: Cooling) -> bool:
 
 
 def _apart(places: list[float]) -> list[float]:
-    """Places in order, those that are one but for rounding once."""
+    """Sorted places, without duplicates by rounding."""
     found: list[float] = []
     for place in sorted(places):
         if not found or place - found[-1] > ROUNDING:

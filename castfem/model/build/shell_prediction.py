@@ -1,4 +1,4 @@
-"""The shell that a pitch has in its middle, from what is known where the slice enters it."""
+"""Prediction of the shell in the middle of a pitch from the slice where it enters the pitch."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ShellPrediction:
-    """Temperatures under the middle of a wide face, some time ahead.
+    """Prediction of the temperature below the middle of a wide face.
 
-    Heat flows along the depth alone, since neither the edges nor the next pitch reach there, and
-    the surface stays as warm as it is: a change there takes the better part of a minute to reach
-    the front of a shell of 20 mm, and half a pitch takes some seconds.
+    Heat flows along the depth only, since neither the edges nor the next pitch matter there, and
+    the surface temperature stays constant: a change takes the better part of a minute to reach the
+    front of a 20 mm shell, and half a pitch takes some seconds.
     """
 
     steel: Steel  #: the steel
-    cell: float = 5e-4  #: of the grid that heat is conducted on, m
-    least_cells: int = 60  #: of it, however thin the slab is
-    #: length of an explicit step, of the square of a cell over the diffusivity
+    cell: float = 5e-4  #: cell size of the conduction grid, m
+    least_cells: int = 60  #: least number of cells, however thin the slab is
+    #: explicit step, relative to the square of a cell over the diffusivity
     explicit: float = 0.45
 
     def at(
         self, time: float, step: tuple[float, float], before: Profile, after: Profile
     ) -> Profile:
-        """A profile at a time: within a step between those of its ends, beyond it foreseen."""
+        """A profile at a time: interpolated within a step, predicted beyond it."""
         start, end = step
         if time > end:
             return self.later(after, time - end)
@@ -53,9 +53,9 @@ class ShellPrediction:
         return replace(after, temperature=np.asarray(temperature))
 
     def later(self, profile: Profile, duration: float) -> Profile:
-        """A profile after so many seconds; no heat flows through its end, the middle of the slab.
+        """Profile after some seconds; no heat flows through its end, the middle of the slab.
 
-        Explicit finite volumes of the enthalpy, as long as they are stable.
+        Explicit finite volumes of the enthalpy, within the stability limit.
         """
         length = float(profile.depth[-1])
         if not duration > 0.0:
@@ -80,18 +80,18 @@ class ShellPrediction:
 
 @dataclass(frozen=True, slots=True)
 class Core:
-    """The liquid within."""
+    """The liquid inside the shell."""
 
     head: Callable[[float], float]  #: its pressure over time, Pa
-    share: Callable[[Array], Array]  #: of it that is felt at temperatures (n,), K
+    share: Callable[[Array], Array]  #: share of the pressure felt at temperatures (n,), K
 
     def share_handed_on(self, profile: Profile) -> float:
-        """Share of the pressure handed on: none through liquid, none of a solid core."""
+        """Share of the pressure passed on to the shell: none in liquid, none with a solid core."""
         surface, core = self.share(np.array([profile.temperature[0], profile.temperature.max()]))
         return float(max(core - surface, 0.0))
 
     def handed_on(self, profile: Profile, time: float) -> float:
-        """The pressure that it hands on, Pa."""
+        """Pressure passed on to the shell, Pa."""
         return float(self.head(time) * self.share_handed_on(profile))
 
 
@@ -109,7 +109,7 @@ def front_of(steel: Steel, solid_fraction: float) -> float:
 
 
 def core_of(liquid: Ferrostatic | None) -> Core:
-    """The pressure within; none where the case leaves it out."""
+    """The liquid core; no pressure where the case leaves it out."""
     if liquid is None:
         return Core(lambda time: 0.0, np.zeros_like)
     return Core(liquid.head, lambda heat: np.asarray(liquid.share(heat)))
@@ -118,7 +118,7 @@ def core_of(liquid: Ferrostatic | None) -> Core:
 def build_uneven_rolls(
     case: Case, table: Bulging, rolls: Rolls, law: Law, count: int
 ) -> tuple[UnevenRolls | None, Array]:
-    """Return the rolls near which strips go over several pitches, and all rolls' offsets.
+    """Return the rolls near which strips span several pitches, and all rolls' offsets.
 
     Returns:
         None for the thesis' plate, each of which is by itself; the offsets are those of the rolls

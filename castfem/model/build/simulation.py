@@ -1,4 +1,4 @@
-"""The objects of a run, built once from its case: those that the case asks for and no others."""
+"""The objects of a run, built once from its case."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Simulation:
     """The objects of one run."""
 
     case: Case  #: the case
-    machine: Machine  #: what the slice meets, and when
+    machine: Machine  #: positions and times of the slice
     steel: Steel  #: its steel
     section: Section  #: the distributed mesh
     stepper: ThermalStepper  #: thermal time stepping (with the problem and its curve)
@@ -62,15 +62,15 @@ class Simulation:
     control: StepControl  #: choice of the step: thermal, or with mechanics the coupling window
     steps: ThermalSteps  #: thermal steps
     mechanics: MechanicalStepper | None  #: the mechanical step; None for a case without
-    #: the slice as its states are read: that of the mechanics, or one with a number changed; None
-    #: without mechanics
+    #: the slice for reading its states: that of the mechanics, or a perturbed one; None without
+    #: mechanics
     strained: StrainedSlice | None
-    coupling: StaggeredCoupling | None  #: takes windows of both; None without them
-    start_temperature: float  #: at the meniscus, K
-    watch: Stopwatch  #: where the time goes
-    #: when its mechanics end, s; inf where they go on to the end of the run
+    coupling: StaggeredCoupling | None  #: coupling of both; None without coupling windows
+    start_temperature: float  #: temperature at the meniscus, K
+    watch: Stopwatch  #: timings
+    #: when its mechanics end, s; inf if at the end of the run
     mechanics_end: float = np.inf
-    exact: ClosedForm | None = None  #: the closed form it is held against, if the case names one
+    exact: ClosedForm | None = None  #: closed-form solution for comparison, if the case names one
 
     @property
     def stations(self) -> list[float]:
@@ -105,13 +105,14 @@ def build(
     """Build the objects of `case` on the ranks of `comm` (collective).
 
     Args:
-        case: What is to be computed.
-        comm: The ranks.
-        watch: Charged with the time; a new one if None.
-        other: Of a case with the same steel and section, on the same ranks: both are shared.
+        case: Case to compute.
+        comm: Communicator.
+        watch: Stopwatch to charge; a new one if None.
+        other: Simulation of a case with the same steel and section on the same ranks, to share
+            both.
 
     Raises:
-        InputError: If the steel, the mesh or the solver options cannot be had.
+        InputError: The steel, the mesh or the solver options are unavailable.
     """
     watch = watch if watch is not None else Stopwatch()
     with watch.section("setup: steel"):
@@ -169,14 +170,13 @@ def build(
 def build_beside(
     case: Case, other: Simulation, problems: MutableMapping[CurveEnds, ThermalProblem]
 ) -> Simulation:
-    """Build what cools as another simulation does, at other times.
+    """Build a simulation whose cooling is that of another, at other times.
 
     Args:
-        case: That of the other but for speed, superheat, water and start.
-        other: Its mesh and steel are shared, and without mechanics its operators and probes, too:
-            use the two in turn.
-        problems: Heat balances without mechanics so far, by the ends of their curves: they are
-            shared, too.
+        case: Case that differs from the other only in speed, superheat, water and start.
+        other: Simulation whose mesh and steel are shared, without mechanics also its operators and
+            probes: use the two in turn.
+        problems: Heat balances without mechanics so far, by the ends of their curves; also shared.
     """
     if case.mechanics is not None:
         return build(case, other.section.comm, other=other)
@@ -197,7 +197,7 @@ def build_beside(
 
 
 def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]:
-    """Lines of the probes; where a machine bends the strand, both faces are told by name."""
+    """Lines of the probes; where a machine bends the strand, named separately for both faces."""
     named = {}
     for name, line in section.probes.items():
         opposite = [n for n in section.probes if n.replace("_extrados", "") == name != n]
@@ -208,7 +208,7 @@ def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]
 
 
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
-    """Choice of the coupling windows, of equal times or of equal lengths of strand."""
+    """Step control of the coupling windows, of equal times or of equal lengths of strand."""
     given = case.coupling.interval
     windows = partial(
         StepControl, case.casting.duration, milestones, order=LIMITS.order,
@@ -223,7 +223,7 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
 
 
 def _closed_form(case: Case, steel: Steel, start: float) -> ClosedForm | None:
-    """The closed form that a case is held against; None if it names none."""
+    """The closed-form solution a case is compared with; None if it names none."""
     if case.verification is None:
         return None
     from castfem.model.cooling import PrescribedTemperature
@@ -282,8 +282,8 @@ def case_steel(case: Case) -> Steel:
 def curve_ends(case: Case, steel: Steel, zones: Zones, start: float) -> CurveEnds:
     """Return between which temperatures T(H) is needed, and where it is zero, K.
 
-    It goes from the coldest surroundings, or a cold room, to the start (K), or what the slice
-    begins with instead.
+    They span the coldest ambient temperature, or a cold room, to the start (K) or the initial
+    profile.
     """
     profile = given_profile(case)
     given = () if profile is None else profile.values
@@ -296,7 +296,7 @@ def curve_ends(case: Case, steel: Steel, zones: Zones, start: float) -> CurveEnd
 def thermal_curve(
     steel: Steel, ends: CurveEnds, start: float, keeps_mass: bool = False
 ) -> ThermalCurve:
-    """T(H), tabulated to 2 K beyond its ends (`curve_ends`); farther on the end values hold.
+    """T(H), tabulated to 2 K beyond its ends (`curve_ends`), constant farther on.
 
     Args:
         steel: The steel.
@@ -322,7 +322,7 @@ def stations(case: Case) -> list[float]:
 
 
 def _milestones(case: Case, machine: Machine, zones: Zones, ends: list[float]) -> list[float]:
-    """Times at which a step has to end, s: output, stations, changes of cooling, mould and speed.
+    """Times at which a step must end, s: output, stations, changes of cooling, mould and speed.
 
     Args:
         case: The case.
@@ -341,11 +341,10 @@ def _milestones(case: Case, machine: Machine, zones: Zones, ends: list[float]) -
 
 
 def _apart(times: list[float], fixed: list[float], end: float) -> list[float]:
-    """The instants without those that only rounding parts from a fixed one, or from another.
+    """Remove times that differ from a fixed or another one only by rounding.
 
-    The rows of a table in other units, or of few digits, miss the end of a zone or of the run by a
-    hair: the solver cannot take a step from one to the other. What differs by less than
-    `StepControl` sees stays.
+    Table rows in other units or with few digits miss the end of a zone or of the run by rounding:
+    the solver cannot take such a step. Differences that `StepControl` resolves are kept.
     """
     given, kept = np.unique(times), np.sort(fixed)
     after = np.searchsorted(kept, given)
@@ -357,7 +356,7 @@ def _apart(times: list[float], fixed: list[float], end: float) -> list[float]:
 
 
 def _drawn(case: Case) -> tuple[float, ...]:
-    """Positions of the rolls where they make the axial effort, m: it changes its slope there."""
+    """Positions of the rolls that cause axial effort, m: its slope changes there."""
     if case.machine is None or case.machine.extraction is None:
         return ()
     rolls = case.machine.pairs()

@@ -1,4 +1,4 @@
-"""Where and with what a run begins: at the meniscus or below the mould, poured or a profile."""
+"""Initial state of a run: position at the meniscus or below the mould, temperature or profile."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 
 def given_profile(case: Case) -> Table | None:
-    """Return the temperature over the depth below the surface that a run begins with, if any."""
+    """Return the initial temperature over the depth below the surface, if given."""
     start = case.casting.start
     profile = None if start is None else start.profile
     return profile if isinstance(profile, Table) else None
 
 
 def starting_enthalpy(simulation: Simulation) -> float | Array:
-    """H that the balance of heat is counted from, one or of the owned vertices, J/m3 (collective).
+    """Reference H of the heat balance, one or of the owned vertices, J/m3 (collective).
 
-    That is the steel as poured, or the profile that is given.
+    It is the steel as poured, or the given profile.
     """
     curve, profile = simulation.problem.curve, given_profile(simulation.case)
     if profile is None:
@@ -37,7 +37,7 @@ def starting_enthalpy(simulation: Simulation) -> float | Array:
 
 
 def starting_time(simulation: Simulation) -> float:
-    """When the run begins, s after the slice has left the meniscus."""
+    """Start time of the run, s after the slice has left the meniscus."""
     case, start = simulation.case, simulation.case.casting.start
     below = start is not None and start.at == "mould_exit"
     exit_ = case.mould_exit() if below else None
@@ -45,7 +45,7 @@ def starting_time(simulation: Simulation) -> float:
 
 
 def starting_state(simulation: Simulation) -> ThermalState:
-    """The temperatures that a run begins with (collective)."""
+    """Initial temperatures of a run (collective)."""
     stepper, time = simulation.stepper, starting_time(simulation)
     if given_profile(simulation.case) is not None:
         enthalpy = np.asarray(starting_enthalpy(simulation))
@@ -58,7 +58,7 @@ def starting_state(simulation: Simulation) -> ThermalState:
 
 
 def through_mould(simulation: Simulation, state: ThermalState, end: float) -> ThermalState:
-    """Take the temperatures alone from the meniscus to a time, s, as the zones cool them.
+    """Advance the temperatures alone from the meniscus to a time, s, with the zones' cooling.
 
     The slice keeps its shape: the mould strains nothing of the run ([Pascon2003] VI.3.1).
     """

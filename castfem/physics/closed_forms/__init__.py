@@ -1,4 +1,4 @@
-"""Closed forms that castfem is held against, by its cases, its tests and its benchmarks."""
+"""Closed-form solutions, for comparison in cases, tests and benchmarks."""
 
 from castfem.physics.closed_forms.by_name import NAMES, ClosedForm, Expected, closed_form
 from castfem.physics.closed_forms.half_space import HalfSpace

@@ -1,4 +1,4 @@
-"""The closed forms a case may name, made from its steel and its temperatures."""
+"""Closed forms that a case may name, built from its steel and temperatures."""
 
 from __future__ import annotations
 
@@ -20,52 +20,53 @@ if TYPE_CHECKING:
 
 Profile = Callable[[Array, float], Array]
 
-SHARP = 0.2  # K: a narrower freezing range is one temperature
+SHARP = 0.2  # K: a narrower freezing range counts as one temperature
 _PROPERTIES = ("density", "specific_heat", "conductivity")
 _WITHIN = "freezing at one temperature moves the front from vertex to vertex: within one cell"
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """A result at the mid-face."""
+    """A result at the mid-face according to the closed form."""
 
     value: float  #: in SI
-    unit: str  #: in which it is shown
-    note: str = ""  #: what a reader must know of it
+    unit: str  #: unit in which it is shown
+    note: str = ""  #: remark for the reader
 
 
 @dataclass(frozen=True, slots=True)
 class ClosedForm:
     """A half-space x > 0 chilled at x = 0."""
 
-    source: str  #: whose it is
+    source: str  #: reference
     temperature: Profile  #: K at depths (n,), m, and a time, s
-    #: where the last of the liquid is left behind at a time, m; errors are taken to there
+    #: depth of the liquidus (the end of the mushy zone) at a time, m; errors are evaluated down to
+    #: there
     depth: Callable[[float], float]
-    #: name in the summary to what it must be at a time
+    #: results at a time, by name in the summary
     results: Callable[[float], Mapping[str, Expected]]
-    #: sigma_yy = sigma_zz in the same way as the temperature, Pa; None without mechanics
+    #: sigma_yy = sigma_zz as a function like the temperature, Pa; None without mechanics
     stress: Profile | None = None
-    #: depth of the solid at a time, m; errors of the stress are taken to there
+    #: depth of the solid at a time, m; errors of the stress are evaluated down to there
     shell: Callable[[float], float] | None = None
-    unit_stress: float = field(default=1.0)  #: of which errors of the stress are told, Pa
+    unit_stress: float = field(default=1.0)  #: unit stress for relative errors, Pa
 
 
 def closed_form(name: str, steel: Steel, surface: float, start: float) -> ClosedForm:
-    """The closed form of a case.
+    """Return the closed form of a case.
 
     Args:
         name: One of `NAMES`.
-        steel: Its properties must be constants.
+        steel: Steel with constant properties.
         surface: Temperature of the surface, K.
-        start: Of the melt, K.
+        start: Initial temperature of the melt, K.
 
     Raises:
-        InputError: The steel or a temperature is none for which it holds.
+        InputError: The closed form does not hold for the steel or a temperature.
     """
     if not surface < steel.solidus < start:
         raise InputError(
-            f'verification.closed_form: "{name}" is of a melt whose surface is chilled below the '
+            f'verification.closed_form: "{name}" is for a melt whose surface is chilled below the '
             "solidus; mend cooling.0.surface.0.value or casting.temperature"
         )
     return _MAKERS[name](steel, surface, start)
@@ -79,7 +80,7 @@ def _constants(name: str, steel: Steel, surface: float, start: float) -> tuple[f
         values = getattr(steel, key)(temperatures)
         if np.ptp(values) > 1e-12 * np.abs(values).max():
             raise InputError(
-                f'verification.closed_form: "{name}" is of constant properties; {key} of '
+                f'verification.closed_form: "{name}" is for constant properties; {key} of '
                 f"{steel.name} changes with temperature"
             )
         found.append(float(values[0]))
@@ -97,7 +98,7 @@ def _alloy(steel: Steel, surface: float, start: float) -> ClosedForm:
     quarter = steel.solid_fraction(0.75 * steel.solidus + 0.25 * steel.liquidus)
     if not (np.isclose(middle, 0.5) and np.isclose(quarter, 0.75)):
         raise InputError(
-            'verification.closed_form: "alloy_similarity" is of a solid fraction linear in '
+            'verification.closed_form: "alloy_similarity" is for a solid fraction linear in '
             f"temperature; that of {steel.name} is not"
         )
     exact = ThreeZones(
@@ -125,7 +126,7 @@ def _neumann(steel: Steel, surface: float, start: float) -> ClosedForm:
     density, heat, conductivity = _constants("neumann", steel, surface, start)
     if steel.liquidus - steel.solidus > SHARP:
         raise InputError(
-            'verification.closed_form: "neumann" is of a steel that freezes at one temperature; '
+            'verification.closed_form: "neumann" is for a steel that freezes at one temperature; '
             'with a freezing range it is "alloy_similarity"'
         )
     phase, melting = (conductivity, heat), 0.5 * (steel.solidus + steel.liquidus)
@@ -141,7 +142,7 @@ def _neumann(steel: Steel, surface: float, start: float) -> ClosedForm:
 
 
 def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
-    """It is of the constants of that problem alone."""
+    """It holds only for the constants of that problem."""
     found = (
         *_constants("weiner_boley", steel, surface, start),
         steel.latent_heat,
@@ -159,7 +160,7 @@ def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
         or max(abs(steel.liquidus - melting), start - melting) > 1.0  # K
     ):
         raise InputError(
-            'verification.closed_form: "weiner_boley" has constants of its own; it needs '
+            'verification.closed_form: "weiner_boley" has its own constants; it needs '
             f'steel.name = "weiner_boley", a surface of {half_space.SURFACE:g} degC, and a melt at '
             f"{half_space.MELTING:g} degC"
         )
@@ -192,4 +193,4 @@ _MAKERS: Mapping[str, Callable[[Steel, float, float], ClosedForm]] = {
     "weiner_boley": _half_space,
 }
 NAMES = tuple(_MAKERS)
-"""Of the closed forms."""
+"""Names of the closed forms."""

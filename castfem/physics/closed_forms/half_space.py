@@ -1,4 +1,4 @@
-"""Weiner and Boley's solidifying half-space."""
+"""Weiner and Boley's solidifying half-space: temperature and stress."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from scipy.special import erf
 
 from castfem.base.types import Array
 
-# Data of the verification problem of Li and Thomas (2004) and Koric and Thomas (2006), from memory
-# of these papers (status M); the steel "weiner_boley" and the law of that name carry the same.
+# Data of the verification problem of Li and Thomas (2004) and Koric and Thomas (2006), quoted from
+# memory (status M); the steel "weiner_boley" and the law of that name have the same data.
 SURFACE, MELTING = 1000.0, 1494.4  # degC
 YOUNG, POISSON, ALPHA, YIELD = 40e9, 0.3, 2e-5, 20e6  # Pa, -, 1/K, Pa at SURFACE
 CONDUCTIVITY, HEAT, DENSITY, LATENT = 33.0, 661.0, 7500.0, 272e3  # SI
@@ -23,21 +23,21 @@ class HalfSpace:
     """Weiner and Boley's solidifying half-space: elastic, perfectly plastic, free to contract.
 
     The surface drops to `SURFACE` at once and stays there; the liquid is at the melting point. The
-    yield stress falls linearly to zero at the melting point.  All times are one curve over
-    zeta = x / (2 sqrt(kappa t)), in three zones: flow in compression from the surface on, elastic,
-    flow in tension up to the front.  Re-derived from the conditions of Weiner and Boley (J. Mech.
-    Phys. Solids 11 (1963) 145): smooth exit into tensile flow, compressive flow at the inner end of
-    the elastic zone, no resultant.
+    yield stress falls linearly to zero at the melting point. The solutions at all times are one
+    function of zeta = x / (2 sqrt(kappa t)), with three zones: compressive flow at the surface,
+    elastic, tensile flow up to the front. Re-derived from the conditions of Weiner and Boley (J.
+    Mech. Phys. Solids 11 (1963) 145): smooth transition to tensile flow, compressive flow at the
+    inner end of the elastic zone, no resultant.
 
     Args:
-        alpha: Contraction, 1/K.
-        yield_stress: At `SURFACE`, Pa.
-        conductivity: W/(m K).
+        alpha: Thermal contraction, 1/K.
+        yield_stress: Yield stress at `SURFACE`, Pa.
+        conductivity: Conductivity, W/(m K).
 
     Attributes:
-        diffusivity: Of the steel, m2/s.
-        front: zeta of the solid's front. compressed: zeta where compressive flow ends.
-        stretched: zeta where tensile flow begins. rate: strain rate times 2 t.
+        diffusivity: Thermal diffusivity of the steel, m2/s.
+        front: zeta of the front. compressed: zeta at the end of compressive flow.
+        stretched: zeta at the start of tensile flow. rate: Strain rate times 2 t.
     """
 
     def __init__(
@@ -72,14 +72,14 @@ class HalfSpace:
         )
 
     def _elastic(self, zeta: npt.ArrayLike, end: float) -> Array:
-        """Stress in the elastic zone that flows in tension from `end` on."""
+        """Stress in the elastic zone if tensile flow begins at `end`."""
         z = np.asarray(zeta, float)
         drop = self.temperature(z) - self.temperature(end)
         strain = self._smooth_exit(end) * np.log(z / end) + self._alpha * drop
         return np.asarray(self._limit(end) - YOUNG / (1 - POISSON) * strain)
 
     def _conditions(self, zones: Array) -> list[float]:
-        """Flow at the inner end of the elastic zone, and no resultant."""
+        """Residuals: yield at the inner end of the elastic zone, and no resultant."""
         first, second = zones
         points, weights = np.polynomial.legendre.leggauss(60)
 

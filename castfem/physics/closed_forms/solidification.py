@@ -1,4 +1,4 @@
-"""Closed forms of one-dimensional solidification, solved to rounding.
+"""Closed forms of one-dimensional solidification, solved to rounding error.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -18,9 +18,9 @@ from castfem.base.types import Array
 class ThreeZones:
     """Similarity solution of an alloy whose solid fraction is linear in T (thesis (12)).
 
-    Half-space x > 0, initially at `initial`, surface held at `surface` from t = 0.  Solid and
-    liquid obey the same k and c, the mushy zone k and c + L / (Tl - Ts).  In each zone T is an
-    error function of eta = x / (2 sqrt t); temperature and flux are continuous at both fronts.
+    Half-space x > 0, initially at `initial`, with the surface at `surface` from t = 0. Solid and
+    liquid have the same k and c, the mushy zone k and c + L / (Tl - Ts). In each zone T is an error
+    function of eta = x / (2 sqrt t); temperature and flux are continuous at both fronts.
     """
 
     conductivity: float
@@ -34,13 +34,13 @@ class ThreeZones:
 
     @property
     def diffusivities(self) -> tuple[float, float]:
-        """Of solid (and liquid) and of the mushy zone, m2/s."""
+        """Diffusivities of solid (and liquid) and of the mushy zone, m2/s."""
         rho, c = self.density, self.specific_heat
         mushy_zone = c + self.latent_heat / (self.liquidus - self.solidus)
         return self.conductivity / (rho * c), self.conductivity / (rho * mushy_zone)
 
     def fronts(self) -> tuple[float, float]:
-        """Eta of the solidus and of the liquidus, m/sqrt(s)."""
+        """Similarity coordinates eta of solidus and liquidus, m/sqrt(s)."""
         a, am = self.diffusivities
         ra, rm = np.sqrt(a), np.sqrt(am)
 
@@ -70,7 +70,7 @@ class ThreeZones:
         return np.where(eta < s, solid, np.where(eta < l, mushy_zone, liquid))
 
     def heat(self, t: float) -> float:
-        """Heat that has left through the surface by time t, J/m2."""
+        """Heat removed through the surface by time t, J/m2."""
         return 2.0 * t * self.flux(t)
 
     def flux(self, t: float) -> float:
@@ -88,9 +88,9 @@ class ThreeZones:
 
 @dataclass(frozen=True)
 class Neumann:
-    """Two-phase Stefan problem with isothermal melting; `initial` = `melting` is the one-phase one.
+    """Two-phase Stefan problem with isothermal melting; one-phase for `initial` = `melting`.
 
-    Solid and liquid share density; the surface is held at `surface` from t = 0.
+    Solid and liquid have the same density; the surface is at `surface` from t = 0.
     """
 
     solid: tuple[float, float]  # k W/mK, c J/kgK

@@ -1,4 +1,4 @@
-"""What every constitutive law takes and gives: plain arrays, one row a quadrature point.
+"""Interface of the constitutive laws: plain arrays with one row per quadrature point.
 
 Symmetric tensors in generalized plane strain are Mandel vectors [xx, yy, zz, sqrt(2) xy]: the norm
 of the tensor is that of the vector, and a tangent is an ordinary 4 x 4 matrix.  SI units: Pa, K, s.
@@ -27,13 +27,13 @@ KINDS = ("colder", "hotter", "faster")
 
 @dataclass(frozen=True, slots=True)
 class DataRange:
-    """The conditions that the data behind a law cover; beyond them it is an extrapolation."""
+    """Range of the data behind a law; outside it the law is an extrapolation."""
 
     temperature: tuple[float, float]  #: lowest and highest, K
     rate: tuple[float, float]  #: lowest and highest strain rate, 1/s
 
     def beyond(self, temperature: Array, rate: Array) -> dict[str, Flags]:
-        """Which points (n,) are colder, hotter or strained faster than the data, by kind."""
+        """Flag points (n,) that are colder, hotter or strained faster than the data, by kind."""
         low, high = self.temperature
         return {
             "colder": temperature < low,
@@ -42,7 +42,7 @@ class DataRange:
         }
 
     def limit(self, kind: str) -> str:
-        """Return the end of the range that a kind is beyond, in words."""
+        """Return the limit of the range for a kind, as text."""
         if kind == "faster":
             return f"{self.rate[1]:.3g} 1/s"
         return f"{self.temperature[kind == 'hotter'] - ZERO_CELSIUS:.4g} degC"
@@ -50,25 +50,25 @@ class DataRange:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of a law over temperature, as a file gives it."""
+    """A parameter of a law as a function of temperature, as given in a file."""
 
     kind: Kind  #: unit and bounds
-    logarithmic: bool = False  #: between rows its logarithm is linear
-    default: float | None = None  #: without it the parameter is needed
-    word: str = ""  #: what may stand in its place, and does by default: the law finds it by itself
+    logarithmic: bool = False  #: whether its logarithm is linear between rows
+    default: float | None = None  #: default; None if the parameter is required
+    word: str = ""  #: word that may replace it, and is the default: the law then determines it
 
 
 class Given(Protocol):
-    """What a file gives to a law; what is wrong in it is noted, and stood in for."""
+    """Content of a parameter file; errors are recorded, and faulty values replaced."""
 
     def curves(self, known: Mapping[str, Parameter]) -> dict[str, Any]:
-        """Return the parameters over temperature; None for one the law finds by itself."""
+        """Return the parameters over temperature; None for one that the law determines."""
 
     def numbers(self, known: Mapping[str, Kind]) -> dict[str, Any]:
-        """Return the single numbers that are given."""
+        """Return the given single numbers."""
 
     def words(self, known: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
-        """Return the words that are given, of those that each may be."""
+        """Return the given words, each from its allowed values."""
 
     def steel(self) -> tuple[float, Callable[[Array], Array]]:
         """Return carbon, wt%, and delta ferrite in the solid over temperature, of file or case."""
@@ -76,31 +76,31 @@ class Given(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MaterialStep:
-    """What happens to n points over one time step."""
+    """Input of n points over one time step."""
 
     strain_increment: Array  #: total strain, Mandel, (n, 4)
-    #: isotropic thermal strain, (n,); already 0 for what happens in the mushy zone and the liquid
+    #: isotropic thermal strain, (n,); already 0 in the mushy zone and the liquid
     thermal_increment: Array
-    temperature_old: Array  #: at the start, K, (n,)
-    temperature: Array  #: at the end, K, (n,)
+    temperature_old: Array  #: at the start of the step, K, (n,)
+    temperature: Array  #: at the end of the step, K, (n,)
     dt: float  #: length of the step, s
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What a law answers; its arrays may be used again for the next call."""
+    """Response of a law; its arrays may be reused in the next call."""
 
     stress: Array  #: at the end of the step, Mandel, Pa, (n, 4)
     tangent: Array  #: d stress / d strain increment, consistent with the step, Pa, (n, 4, 4)
     state: Array  #: at the end, (n, states)
-    #: viscoplastic work over the step, J/m3, (n,), less what a back stress stores; how much of it
-    #: turns to heat is the caller's affair
+    #: viscoplastic work over the step, J/m3, (n,), without the energy stored by a back stress; the
+    #: caller decides how much of it becomes heat
     dissipation: Array
     flows: Flags  #: whether the point has flowed in this step, (n,)
 
     @classmethod
     def empty(cls, points: int, states: int) -> Response:
-        """Return a response whose arrays are still to be filled."""
+        """Return a response with uninitialised arrays."""
         return cls(
             np.empty((points, 4)),
             np.empty((points, 4, 4)),
@@ -110,7 +110,7 @@ class Response:
         )
 
     def part(self, rows: slice | Indices) -> Response:
-        """The response at some of the points; of a slice of them it shares the memory."""
+        """Return the response of some points; for a slice it shares the memory."""
         return Response(
             self.stress[rows],
             self.tangent[rows],
@@ -122,9 +122,9 @@ class Response:
 
 @dataclass(frozen=True, slots=True)
 class StepChange:
-    """What a step is given, as it changes with k parameters, per unit of each."""
+    """Derivatives of the input of a step with respect to k parameters."""
 
-    coefficients: Array  #: of the law (k, n, columns)
+    coefficients: Array  #: coefficients of the law (k, n, columns)
     strain: Array  #: total strain increment (k, n, 4)
     thermal: Array  #: thermal strain increment (k, n)
     stress_old: Array  #: stress at the start (k, n, 4), Pa
@@ -134,7 +134,7 @@ class StepChange:
 
 @dataclass(frozen=True, slots=True)
 class ResponseChange:
-    """Derivatives of what a law answers, per unit of k parameters."""
+    """Derivatives of the response of a law with respect to k parameters."""
 
     stress: Array  #: (k, n, 4), Pa
     state: Array  #: (k, n, states)
@@ -142,12 +142,12 @@ class ResponseChange:
 
     @classmethod
     def empty(cls, ways: int, points: int, states: int) -> ResponseChange:
-        """Return one whose arrays are still to be filled."""
+        """Return derivatives with uninitialised arrays."""
         many = ways, points
         return cls(np.empty((*many, 4)), np.empty((*many, states)), np.empty(many))
 
     def some(self, numbers: list[int] | slice) -> ResponseChange:
-        """Those by some of the parameters."""
+        """Return the derivatives with respect to some of the parameters."""
         return ResponseChange(self.stress[numbers], self.state[numbers], self.dissipation[numbers])
 
 
@@ -156,41 +156,41 @@ class Law(Protocol):
 
     @property
     def elasticity(self) -> Elasticity:
-        """Elastic part; flow leaves the volume unchanged, so the mean stress is its alone."""
+        """Elastic part; it alone gives the mean stress, since flow keeps the volume."""
 
     @property
     def data(self) -> DataRange | None:
-        """What the numbers of the law rest on; None if that is not said."""
+        """Range of the data behind the law; None if unknown."""
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """What a point remembers, in the order of the columns of its state."""
+        """Names of the state variables of a point, in the order of the columns."""
 
     @property
     def kind(self) -> int:
-        """Which flow the compiled loop computes, see `kernel.constants`."""
+        """Number of the flow law in the compiled loop, see `kernel.constants`."""
 
     @property
     def signed(self) -> bool:
-        """Whether hardening goes by the viscoplastic strain tensor."""
+        """Whether hardening depends on the viscoplastic strain tensor."""
 
     @property
     def symmetric(self) -> bool:
         """Whether the tangent is symmetric."""
 
     def strain(self, state: Array) -> Array:
-        """Return the equivalent viscoplastic strain (n,) that states (n, states) stand for."""
+        """Return the equivalent viscoplastic strain (n,) of states (n, states)."""
 
     def turned(self, state: Array, angle: Array) -> Array:
-        """Return the state of material that is turned by angles (n,), rad, like its stress."""
+        """Return the state of material rotated by angles (n,), rad, like its stress."""
 
     def initial_state(self, points: int) -> Array:
-        """Return the state of material that has never been strained, (n, states)."""
+        """Return the state of unstrained material, (n, states)."""
 
     def coefficients(self, temperature_old: Array, temperature: Array) -> Array:
-        """Return what the law needs of the temperatures of a step, (n, columns).
+        """Return the coefficients of the law for the temperatures of a step, (n, columns).
 
-        They stay the same over the Newton iterations of a step: computed once, handed to
+        They are constant over the Newton iterations of a step: computed once and passed to
         `integrate` each time.
         """
 
@@ -206,11 +206,11 @@ class Law(Protocol):
         """Integrate the law over a step, fully implicitly.
 
         Args:
-            step: Strain, temperature and time.
-            stress_old: At the start of the step, (n, 4), Pa.
-            state_old: At the start of the step, (n, states).
+            step: Strain, temperature and time step.
+            stress_old: Stress at the start of the step, (n, 4), Pa.
+            state_old: State at the start of the step, (n, states).
             coefficients: From `coefficients`, for the temperatures of this step.
-            out: Arrays to write to; new ones are made if left out.  It must not share memory with
+            out: Arrays to write to; new ones if left out. They must not share memory with
                 `stress_old` and `state_old`.
         """
 
@@ -224,15 +224,15 @@ class Law(Protocol):
         coefficients: Array | None = None,
         out: ResponseChange | None = None,
     ) -> ResponseChange:
-        """Return how the answer to a step changes with what it is given.
+        """Return the derivatives of the response with respect to parameters of its input.
 
-        What flows goes on flowing, and what is elastic stays so.  The step is that of `integrate`,
-        `change` that of all it is given; new arrays are made if `out` is left out.
+        Points keep flowing or stay elastic as in the step. The step is that of `integrate`,
+        `change` the derivatives of all its input; new arrays are made if `out` is left out.
         """
 
 
 def rotation(angle: float) -> Array:
-    """Matrix (4, 4) that turns a Mandel vector by `angle` [rad] about the casting direction."""
+    """Matrix (4, 4) that rotates a Mandel vector by `angle` [rad] about the casting direction."""
     c, s = np.cos(angle), np.sin(angle)
     r2 = np.sqrt(2.0)
     return np.array(
@@ -246,7 +246,7 @@ def rotation(angle: float) -> Array:
 
 
 def turned(stress: Array, angle: Array) -> Array:
-    """Mandel vectors (n, 4) turned by angles (n,) about the casting direction."""
+    """Mandel vectors (n, 4) rotated by angles (n,) about the casting direction."""
     c, s, r2 = np.cos(2.0 * angle), np.sin(2.0 * angle), np.sqrt(2.0)
     centre = 0.5 * (stress[:, 0] + stress[:, 1])
     half, shear = 0.5 * (stress[:, 0] - stress[:, 1]), stress[:, 3] / r2

@@ -1,7 +1,7 @@
-"""Flow curves in closed form: what the laws must reproduce, and what is fitted to measurements.
+"""Flow curves in closed form, which the laws reproduce and which are fitted to measurements.
 
-Stresses in Pa, rates in 1/s, temperatures in K.  Status of the numbers (F read in the source, M
-from memory of the reference and not yet checked against the page, C computed here) stands beside.
+Stresses in Pa, rates in 1/s, temperatures in K. The status of numbers (F read in the source, M from
+memory and not yet checked, C computed here) is given beside them.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -49,9 +49,9 @@ def yield_limit(
 ) -> tuple[float, float]:
     """Strain and stress where the elastic line meets the curve (163), thesis (207)-(212).
 
-    The thesis bisects (209) in the strain.  In the logarithm of the strain e = exp(x) it reads
-    (1 - p4) x + p1 exp(x) = ln(level / modulus): bracketed, so that the root is always found; for
-    p1 = 0 it is closed.
+    The thesis bisects (209) in the strain. With the logarithm of the strain, e = exp(x), it reads
+    (1 - p4) x + p1 exp(x) = ln(level / modulus); the root is bracketed, so that it is always found,
+    and has a closed form for p1 = 0.
 
     Args:
         modulus: Slope of the elastic line, Pa.
@@ -62,10 +62,10 @@ def yield_limit(
         p4: Exponent of the strain, below 1.
 
     Returns:
-        Strain, and stress in Pa: the first intersection that loading from zero meets.
+        Strain, and stress in Pa: the first intersection on loading from zero.
 
     Raises:
-        ValueError: If p4 is not below 1, or the curve stays above the line (p1 very negative).
+        ValueError: p4 is not below 1, or the curve stays above the line (p1 very negative).
     """
     from scipy.optimize import brentq
 
@@ -80,7 +80,8 @@ def yield_limit(
     if p1 == 0.0:
         strain = float(np.exp(start))
         return strain, modulus * strain
-    # For p1 < 0 the left side has its top at e = (1 - p4)/|p1|; the first root lies before it.
+    # For p1 < 0 the left-hand side has its maximum at e = (1 - p4)/|p1|; the first root is before
+    # it.
     low, high = start - 1.0, start + 1.0
     if p1 > 0.0:
         low = min(start, float(np.log((abs(goal) + 1.0) / p1))) - 700.0
@@ -99,12 +100,12 @@ class Austenite:
 
     In MPa: rate = level (s - hardening e^exponent)^stress_exponent, with e the viscoplastic strain.
     Fitted by Kozlowski et al. (1992) for about 950 ... 1400 degC, 1e-6 ... 1e-3 1/s, 0.005 ... 1.54
-    %C; status M.  Beyond that it is an extrapolation.
+    %C; status M. Outside this range it is an extrapolation.
     """
 
     hardening: Array  #: Pa
     hardening_exponent: Array  #: exponent of the viscoplastic strain
-    ln_rate: Array  #: ln of the rate [1/s] at which the viscous part is 1 Pa
+    ln_rate: Array  #: ln of the rate [1/s] for a viscous stress of 1 Pa
     stress_exponent: Array  #: exponent of the viscous stress
 
     @classmethod
@@ -132,8 +133,8 @@ class Austenite:
 class DeltaFerrite:
     """Coefficients of Zhu's power law for delta ferrite at given temperatures.
 
-    In MPa: rate = 0.1 (s / (f (T/300)^-5.52 (1 + 1000 e)^m))^n, f = 13678 C^-0.0556.  Zhu (1996)
-    after the data of Wray (1976); status M.
+    In MPa: rate = 0.1 (s / (f (T/300)^-5.52 (1 + 1000 e)^m))^n, f = 13678 C^-0.0556. Zhu (1996),
+    fitted to data of Wray (1976); status M.
     """
 
     ln_level: Array  #: ln of the stress [Pa] at rate 1 1/s without strain

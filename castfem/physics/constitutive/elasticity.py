@@ -4,30 +4,29 @@ Trial stress of a step from A to B, thesis (82), (93), (94):
 
     deviator  (G_B/G_A) s_A  + 2 G_B de,        mean  (K_B/K_A) m_A + 3 K_B (de_m - dth),
 
-that is, the elastic strain which the stress at A stands for is kept while the moduli change.
+that is, the elastic strain that belongs to the stress at A is kept while the moduli change.
 
-Liquid is the degenerate case: Poisson's ratio 0, stiffness a small part of the solid's (thesis
-V.1.6; no thermal strain there is the caller's part).  Two things follow from its being a stand-in:
+Liquid is the limiting case: Poisson's ratio 0, a small fraction of the stiffness of the solid
+(thesis V.1.6; the caller sets its thermal strain to 0). As this is a substitute for a liquid,
 
-* The little stress a point carries before it is coherent is an artefact of that stiffness.  Keeping
-  its *elastic strain* while the stiffness rises up to 1e6-fold on freezing would turn 1 kPa into
-  1 GPa.
-  Liquid that is fed has no memory: a point that is not coherent solid at the start of a step
-  starts free of stress.  Where liquid is to be an elastic body (`memory`) its *stress* is kept
-  (ratio 1), and where the stiffness falls, the smaller of the two (what melts lets go).
-* A point that freezes within a step takes up strain only from then on.  Its strain increment and
-  its time are multiplied by the part of the step in which it is coherent (temperature linear over
-  the step), so that the stress of new shell does not depend on where the steps end.
+* the small stress of a point before it is coherent is an artefact of that stiffness. Keeping its
+  *elastic strain* while the stiffness rises up to 1e6-fold on freezing would turn 1 kPa into 1 GPa.
+  Fed liquid has no memory: a point that is not coherent solid at the start of a step starts without
+  stress. If liquid is an elastic body (`memory`) its *stress* is kept (ratio 1); where the
+  stiffness falls, the smaller of the two is kept (melting releases stress).
+* a point that freezes within a step is strained only from then on. Its strain increment and its
+  time are multiplied by the part of the step in which it is coherent (temperature linear over the
+  step), so that the stress of new shell does not depend on where the steps end.
 
-The crystals of the mushy zone touch from a solid fraction of about 0.75 on and form a skeleton.  As
+The crystals of the mushy zone touch above a solid fraction of about 0.75 and form a skeleton. With
 `mushy_zone="skeleton"` it obeys the law of the solid at the solidus with Young's modulus, Poisson's
 ratio and flow stress multiplied by
 
     w = (fs - fc) / (1 - fc),    fc the coherency,                                             (S)
 
-(the flow stress by 0.01 at least), and remembers its stress as solid does, so that what it bears
-does not depend on the time step.  Crystals are free of stress at the moment they grow together:
-above the solidus the stress is kept, not the elastic strain.
+(the flow stress by at least 0.01), and keeps its stress like solid, so that the stress does not
+depend on the time step. Crystals are free of stress when they join: above the solidus the stress is
+kept, not the elastic strain.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -45,46 +44,48 @@ from castfem.base.tables import Constant
 from castfem.base.types import Array, MushyZone
 
 Curve = Callable[[Array], Array]
-LEAST_STRENGTH = 0.01  # of a skeleton: what flows at no stress at all bears no shape, and folds
-LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end
+LEAST_STRENGTH = 0.01  # of a skeleton: with zero flow stress cells would lose their shape and fold
+LEAST_SHARE = 1e-6  # of a step, for a point that freezes at the end of it
 MOST_POISSON = 0.4999
 WIDEST = 1000.0  # K: no steel freezes over a wider range
-HALVINGS = 60  # of it, down to rounding
-MELTING = 1e-8  # K below a melting point down to which steel is still at it
+HALVINGS = 60  # bisections of that range, down to rounding
+MELTING = 1e-8  # K below a melting point within which steel is still at it
 
 
 class Freezing(Protocol):
-    """What the elastic law asks of a steel (`castfem.physics.materials.Steel` has it)."""
+    """Properties of a steel that the elastic law needs (see `castfem.physics.materials.Steel`)."""
 
     @property
     def solidus(self) -> float:
-        """K."""
+        """Solidus, K."""
 
     def solid_fraction(self, temperature: Array) -> Array:
-        """0 to 1."""
+        """Solid fraction, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solidity:
-    """How solid a point is.
+    """Degree of solidity of a point: solid, mushy or liquid.
 
     Raises:
-        ValueError: If a number is out of range.
+        ValueError: A number is out of range.
     """
 
-    solidus: float = np.inf  #: below it the steel is coherent solid, K
-    #: solid fraction over temperature in K; None where nothing is ever liquid
+    solidus: float = np.inf  #: temperature below which steel is coherent solid, K
+    #: solid fraction over temperature in K; None if nothing is ever liquid
     fraction: Curve | None = None
     stiffness_ratio: float = 1e-5  #: Young's modulus of the liquid over that of the solid
-    #: between them the modulus goes geometrically or linearly with the solid fraction; with "none"
-    #: the mushy zone is as soft as the liquid down to the solidus; with "skeleton" Young's modulus,
-    #: Poisson's ratio and flow stress are the solid's times (S)
+    #: interpolation of Young's modulus in between: geometric or linear in the solid fraction;
+    #: "none": the mushy zone is as soft as the liquid down to the solidus; "skeleton": Young's
+    #: modulus, Poisson's ratio and flow stress are those of the solid times (S)
     mushy_zone: MushyZone = "geometric"
-    coherency: float = 0.0  #: solid fraction up to which the mushy zone is as soft as the liquid
-    from_freezing: bool = True  #: count the strain of a step only from the moment of freezing on
-    memory: bool = True  #: whether what is not solid keeps its stress from one step to the next
-    #: temperature below which steel keeps its stress in any case, K: the solidus, or that at which
-    #: the crystals of a skeleton begin to touch
+    coherency: float = 0.0  #: solid fraction below which the mushy zone is as soft as the liquid
+    #: whether the strain of a step counts only from the moment of freezing
+    from_freezing: bool = True
+    #: whether material that is not solid keeps its stress from one step to the next
+    memory: bool = True
+    #: temperature below which steel always keeps its stress, K: the solidus, or that at which the
+    #: crystals of a skeleton begin to touch
     coherent: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -99,7 +100,7 @@ class Solidity:
         object.__setattr__(self, "coherent", self._coherent())
 
     def _coherent(self) -> float:
-        """The temperature `coherent`, by bisection of the solid fraction."""
+        """The temperature `coherent`, from the solid fraction by bisection."""
         if not self.is_skeleton:
             return self.solidus
         low, high = self.solidus, self.solidus + WIDEST
@@ -113,7 +114,7 @@ class Solidity:
 
     @classmethod
     def between(cls, solidus: float, liquidus: float, **options: object) -> Solidity:
-        """Solid fraction linear from `solidus` to `liquidus`, K (12)."""
+        """Return a solid fraction linear from `solidus` to `liquidus`, K (12)."""
         width = max(liquidus - solidus, 1e-9)
 
         def fraction(temperature: Array) -> Array:
@@ -123,17 +124,17 @@ class Solidity:
 
     @classmethod
     def of(cls, steel: Freezing, **options: object) -> Solidity:
-        """Solidus and solid fraction of a steel.
+        """Return solidus and solid fraction of a steel.
 
         Steel that freezes at one temperature stays there until its latent heat is gone: it is
-        coherent below that temperature by more than what rounding makes of an interpolated one.
+        coherent below that temperature by more than rounding of interpolated values.
         """
         solidus = steel.solidus
         molten = float(np.asarray(steel.solid_fraction(np.array([solidus])))[0]) < 1.0
         return cls(solidus - MELTING * molten, steel.solid_fraction, **options)  # type: ignore[arg-type]
 
     def weight(self, temperature: Array) -> Array:
-        """1 where coherent solid, 0 where liquid, by solid fraction in between."""
+        """1 where coherent solid, 0 where liquid, interpolated by solid fraction in between."""
         if self.fraction is None:
             return np.ones_like(temperature)
         if self.mushy_zone == "none":
@@ -143,7 +144,7 @@ class Solidity:
 
     @property
     def is_skeleton(self) -> bool:
-        """Whether the mushy zone flows as the solid does, at a lower stress."""
+        """Whether the mushy zone flows like the solid, at a lower stress."""
         return self.mushy_zone == "skeleton" and self.fraction is not None
 
     def strength(self, temperature: Array) -> Array:
@@ -153,7 +154,7 @@ class Solidity:
         return np.maximum(self.weight(temperature), LEAST_STRENGTH)
 
     def stiffness(self, weight: Array) -> Array:
-        """Young's modulus over that of the solid."""
+        """Young's modulus relative to that of the solid."""
         if self.mushy_zone == "skeleton":
             return np.maximum(weight, self.stiffness_ratio)
         if self.mushy_zone == "linear":
@@ -161,7 +162,7 @@ class Solidity:
         return np.asarray(self.stiffness_ratio ** (1.0 - weight))
 
     def share(self, temperature_old: Array, temperature: Array) -> Array:
-        """Part of the step in which a freezing point is coherent; 1 for all others."""
+        """Fraction of the step in which a freezing point is coherent; 1 for all others."""
         coherent = self.coherent
         freezes = (temperature_old > coherent) & (temperature <= coherent)
         if not self.from_freezing or not freezes.any():
@@ -173,26 +174,26 @@ class Solidity:
 
 @dataclass(frozen=True, slots=True)
 class Elasticity:
-    """Isotropic elasticity over temperature."""
+    """Isotropic elasticity as a function of temperature."""
 
     young: Curve  #: Young's modulus of the solid over temperature in K, Pa
     poisson: Curve  #: Poisson's ratio of the solid over temperature
-    #: where it is solid, and how soft it is elsewhere
+    #: where it is solid, and the stiffness elsewhere
     solidity: Solidity = field(default_factory=Solidity)
 
     @classmethod
     def constant(cls, young: float, poisson: float, solidity: Solidity | None = None) -> Elasticity:
-        """The same moduli at all temperatures: Pa, dimensionless."""
+        """Return constant moduli: Pa, dimensionless."""
         return cls(Constant(young), Constant(poisson), solidity or Solidity())
 
     def moduli(self, temperature: Array) -> tuple[Array, Array, Array]:
-        """Shear, bulk and Young's modulus, Pa, each (n,); the liquid's among them.
+        """Shear, bulk and Young's modulus, Pa, each (n,), also in the liquid.
 
         Raises:
-            ValueError: If a modulus is not positive or a Poisson's ratio not within (-1, 0.5).
+            ValueError: A modulus is not positive, or a Poisson's ratio not within (-1, 0.5).
         """
         weight = self.solidity.weight(temperature)
-        # Above the solidus the modulus of the solid means nothing: it is taken as at the solidus.
+        # Above the solidus the modulus of the solid is taken as at the solidus.
         solid = np.minimum(temperature, self.solidity.solidus)
         young = self.young(solid) * self.solidity.stiffness(weight)
         poisson = np.minimum(self.poisson(solid), MOST_POISSON) * weight
@@ -206,9 +207,9 @@ class Elasticity:
     def coefficients(self, temperature_old: Array, temperature: Array) -> list[Array]:
         """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,).
 
-        A skeleton that stiffens is strained by the mean of its moduli over the time in which it is
-        coherent, for it keeps the stress that it had while it was softer; what is solid, or
-        softens, keeps its elastic strain.
+        A skeleton that stiffens is strained with its mean moduli over the time in which it is
+        coherent, since it keeps the stress it had while it was softer; solid and softening material
+        keeps its elastic strain.
         """
         shear_old, bulk_old, young_old = self.moduli(temperature_old)
         shear, bulk, young = self.moduli(temperature)
@@ -228,7 +229,7 @@ class Elasticity:
         return [shear, bulk, young, carry_deviator, carry_mean, share, unhardened]
 
     def _mean_moduli(self, temperature_old: Array, temperature: Array) -> Iterator[Array]:
-        """Moduli, each (n,), in the mean over the coherent part of a step that cools evenly."""
+        """Moduli, each (n,), averaged over the coherent part of a step of uniform cooling."""
         start = np.maximum(np.minimum(temperature_old, self.solidity.coherent), temperature)
         least = np.maximum(temperature, self.solidity.solidus)
         mushy = (start - least) / np.maximum(start - temperature, np.finfo(float).tiny)

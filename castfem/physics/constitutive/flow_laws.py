@@ -1,8 +1,8 @@
-"""Laws without hardening, and what all laws share: what each makes the kernel do.
+"""Base of all flow laws, and the laws without hardening, as input of the compiled kernel.
 
-All flow is incompressible and along the stress deviator (von Mises), counted from a back stress
-where there is one.  p is the equivalent viscoplastic strain, q the equivalent stress; each class
-states its flow stress.
+All flow is incompressible and along the stress deviator (von Mises), relative to a back stress if
+there is one. p is the equivalent viscoplastic strain, q the equivalent stress; each class gives its
+flow stress.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -43,19 +43,19 @@ _STRESS = Kind("Pa", "MPa", above=0.0, label="stress", sample="20 MPa")
 
 @dataclass(frozen=True, slots=True)
 class RadialReturn:
-    """What all laws share; `elasticity` comes first in each of them.
+    """Base of the laws; `elasticity` is the first argument of each.
 
-    A law with a `name` is known to parameter files by it, with its `parameters` over temperature,
-    its single `numbers`, and its `words` with what each may be; each is an argument of the class by
-    the same name.
+    Parameter files select a law by its `name`. It has `parameters` over temperature, single
+    `numbers`, and `words` with their allowed values; each is an argument of the class with the same
+    name.
     """
 
     elasticity: Elasticity
     data: DataRange | None = field(default=None, kw_only=True)
-    """What the numbers of the law rest on; None if that is not said."""
+    """Range of the data behind the law; None if unknown."""
 
     laws: ClassVar[dict[str, type[RadialReturn]]] = {}
-    """All laws by the name that a parameter file gives them."""
+    """All laws by their names in parameter files."""
     name: ClassVar[str] = ""
     parameters: ClassVar[Mapping[str, Parameter]] = {}
     numbers: ClassVar[Mapping[str, Kind]] = {}
@@ -63,7 +63,7 @@ class RadialReturn:
     kind: ClassVar[int] = constants.ELASTIC
 
     def __init_subclass__(cls) -> None:
-        """Enter a law under its name."""
+        """Register a law under its name."""
         if "name" in vars(cls):
             RadialReturn.laws[cls.name] = cls
 
@@ -76,25 +76,25 @@ class RadialReturn:
         )  # fmt: skip
 
     def given_curve(self, name: str) -> Curve | None:
-        """Return one of its `parameters`; None if it has none by that name over temperature."""
+        """Return the curve of one of its `parameters`; None if it has no such curve."""
         found = getattr(self, name, None) if name in self.parameters else None
         return found if callable(found) else None
 
     def with_curve(self, name: str, curve: Curve) -> Self:
-        """Return the law with another curve for one of its `parameters`, all others as given."""
+        """Return the law with one of its `parameters` replaced by another curve."""
         changed: dict[str, Any] = {name: curve}
         return replace(self, **changed)
 
     def flow_curve(self, temperature: float) -> FlowCurve | None:
-        """Return the stress that flow at a constant rate follows at a temperature, K.
+        """Return the stress curve of flow at a constant rate and a temperature, K.
 
-        None for a law whose strain at constant rate has no closed form.
+        None for a law without a closed form of it.
         """
         return None
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """What a point remembers."""
+        """Names of the state variables."""
         return (STRAIN,)
 
     @property
@@ -104,11 +104,11 @@ class RadialReturn:
 
     @property
     def signed(self) -> bool:
-        """Whether the state begins with the viscoplastic strain tensor, not with p."""
+        """Whether the state begins with the viscoplastic strain tensor instead of p."""
         return False
 
     def strain(self, state: Array) -> Array:
-        """Equivalent viscoplastic strain (n,) of states (n, states), less what has recovered."""
+        """Equivalent viscoplastic strain (n,) of states (n, states), reduced by recovery."""
         if not self.state_names:
             return np.zeros(len(state))
         if not self.signed:
@@ -118,7 +118,7 @@ class RadialReturn:
         return np.asarray(np.sqrt(2.0 / 3.0 * square))
 
     def turned(self, state: Array, angle: Array) -> Array:
-        """The state of material turned by angles (n,) about the casting direction."""
+        """The state of material rotated by angles (n,) about the casting direction."""
         if not self.signed:
             return state
         xx, yy, xy = state[:, :3].T
@@ -127,29 +127,29 @@ class RadialReturn:
         return new
 
     def fading(self, temperature: Array) -> Array:
-        """Part of the strain that recovers a second, 1/s."""
+        """Rate of recovery of the strain, 1/s."""
         return np.zeros_like(temperature)
 
     def initial_state(self, points: int) -> Array:
-        """Return the state of material that has never been strained, (n, states)."""
+        """Return the state of unstrained material, (n, states)."""
         return np.zeros((points, len(self.state_names)))
 
     def own_columns(self, temperature: Array) -> list[Array]:
-        """Return what `kind` asks for, by column (n,), at temperatures not above the solidus."""
+        """Return the columns (n,) that `kind` needs, at temperatures up to the solidus."""
         return []
 
     def weakened(self, columns: list[Array], strength: Array) -> list[Array]:
-        """Return `own_columns` of a material whose flow stress is multiplied by `strength` (n,)."""
+        """Return `own_columns` of a material with its flow stress multiplied by `strength` (n,)."""
         return columns
 
     def coefficients(self, temperature_old: Array, temperature: Array) -> Array:
         """Return the table of coefficients of a step, (n, columns), see `base.Law`.
 
-        Flow is that of the temperature at the end of the step, as in the thesis; with a skeleton,
-        that of the mean of both ends. What the shell gives way under the liquid in a step is then
-        of second order: steel that has cooled, and turned from delta ferrite to austenite,
-        meanwhile flows an order of magnitude more slowly than it did before. A yield stress alone
-        bounds the stress at the end of the step.
+        Flow is evaluated at the temperature at the end of the step, as in the thesis; for a
+        skeleton at the mean of both ends. This makes the deformation of the shell under the
+        pressure of the liquid second-order accurate: steel that has cooled, and changed from delta
+        ferrite to austenite, within the step flows an order of magnitude more slowly at its end.
+        Only a yield stress limits the stress at the end of the step.
         """
         columns = self.elasticity.coefficients(temperature_old, temperature)
         solidus = self.elasticity.solidity.solidus
@@ -158,7 +158,7 @@ class RadialReturn:
             solid = 0.5 * (solid + np.minimum(temperature_old, solidus))
         own = self.own_columns(solid)
         needed = constants.LAST[self.kind] + 1 - constants.OWN
-        if len(own) != needed:  # the compiled kernel would read beyond them
+        if len(own) != needed:  # the compiled kernel would read out of bounds
             raise TypeError(
                 f"{type(self).__name__}.own_columns returns {len(own)} columns, its kind of flow "
                 f"takes {needed}"
@@ -222,7 +222,7 @@ class RadialReturn:
 
 @dataclass(frozen=True, slots=True)
 class ThermoElastic(RadialReturn):
-    """Hooke's law with moduli that depend on temperature (94)."""
+    """Hooke's law with temperature-dependent moduli (94)."""
 
     name: ClassVar[str] = "thermo_elastic"
 
@@ -232,15 +232,15 @@ class ThermoElastic(RadialReturn):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Nothing is remembered."""
+        """It has no state variables."""
         return ()
 
 
 @dataclass(frozen=True, slots=True)
 class PerfectlyPlastic(RadialReturn):
-    """q <= yield stress(T), whatever the rate."""
+    """Perfectly plastic: q <= yield stress(T) at any rate."""
 
-    yield_stress: Curve  #: over temperature in K, Pa
+    yield_stress: Curve  #: yield stress over temperature in K, Pa
 
     name: ClassVar[str] = "perfectly_plastic"
     parameters: ClassVar[Mapping[str, Parameter]] = {"yield_stress": Parameter(_STRESS)}
@@ -298,22 +298,22 @@ class NortonCreep(RadialReturn):
 
     @classmethod
     def constant(cls, elasticity: Elasticity, rate: float, stress: float, exponent: float) -> Self:
-        """The law that creeps at `rate` [1/s] under `stress` [Pa], at all temperatures."""
+        """Return a law with creep rate `rate` [1/s] at `stress` [Pa], at all temperatures."""
         return cls.at_stress(elasticity, Constant(stress), Constant(rate), Constant(exponent))
 
     @classmethod
     def at_stress(cls, elasticity: Elasticity, stress: Curve, rate: Curve, exponent: Curve) -> Self:
-        """The law that creeps at `rate` [1/s] under `stress` [Pa], each over temperature in K."""
+        """Return a law with creep rate `rate` [1/s] at `stress` [Pa], each over temperature, K."""
         return cls(elasticity, _LnFactor(stress, rate, exponent), exponent)
 
     def given_curve(self, name: str) -> Curve | None:
-        """See `RadialReturn.given_curve`; of rate and stress where the law was made by them."""
+        """See `RadialReturn.given_curve`; also rate and stress, if the law was made from them."""
         holder = self if name == "exponent" else self.ln_factor
         found = getattr(holder, name, None) if name in self.parameters else None
         return found if callable(found) else None
 
     def with_curve(self, name: str, curve: Curve) -> Self:
-        """See `RadialReturn.with_curve`: by another exponent it creeps alike at its stress."""
+        """See `RadialReturn.with_curve`; another exponent keeps the creep rate at its stress."""
         changed: dict[str, Any] = {name: curve}
         if not isinstance(self.ln_factor, _LnFactor):
             return replace(self, **changed)
@@ -333,10 +333,10 @@ class NortonCreep(RadialReturn):
 
 
 def require(fine: np.bool_ | bool, text: str, values: Array) -> None:
-    """Refuse values of a parameter over temperature.
+    """Refuse invalid values of a parameter over temperature.
 
     Raises:
-        ValueError: They are not fine.
+        ValueError: Some values are not fine.
     """
     if not fine:
         raise ValueError(f"{text} at every temperature (found {np.min(values):g})")

@@ -1,4 +1,4 @@
-"""Laws that harden by strain: the modified Norton-Hoff law and the unified law of steel.
+"""Laws with strain hardening: the modified Norton-Hoff law and the unified law of steel.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -31,19 +31,20 @@ _RECOVERY = Parameter(
 
 @dataclass(frozen=True, slots=True)
 class Hardening(RadialReturn):
-    """A law that hardens by strain: by which, and how that fades.
+    """Base of laws with strain hardening: the hardening variable, and its recovery.
 
-    Accumulated: by p, which never decreases of itself; a reversed load meets the hardened curve.
+    Accumulated: by p, which decreases only by recovery; a reversed load meets the hardened curve.
     Signed: by the viscoplastic strain tensor E, with e = sqrt(2/3) E:n its part along the flow n.
-    Where strain multiplies (Norton-Hoff, delta ferrite) a negative e counts as none; where it adds
-    (austenite) the hardening part is a back stress X along E, of the size of Kozlowski's at the
-    equivalent strain of E, and flow is along the deviator of stress less X.  In tension and
+    Where strain is a factor (Norton-Hoff, delta ferrite) a negative e counts as zero; where it adds
+    (austenite) the hardening part is a back stress X along E, with the magnitude of Kozlowski's at
+    the equivalent strain of E, and flow is along the deviator of stress minus X. In tension and
     compression this is Kozlowski's law with its signed strain.
     """
 
-    #: by which strain
+    #: hardening variable
     hardening: Literal["accumulated", "signed"] = field(default="accumulated", kw_only=True)
-    #: tau over temperature in K, s, of dp = dp_vp - p/tau dt (of E likewise); None for no recovery
+    #: tau over temperature in K, s, of dp = dp_vp - p/tau dt (and of E likewise); None without
+    #: recovery
     recovery_time: Curve | None = field(default=None, kw_only=True)
 
     parameters: ClassVar[Mapping[str, Parameter]] = {"recovery_time": _RECOVERY}
@@ -51,12 +52,12 @@ class Hardening(RadialReturn):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """The viscoplastic strain: accumulated, or xx, yy and sqrt(2) xy of the tensor."""
+        """Names of the viscoplastic strain: accumulated, or xx, yy and sqrt(2) xy of the tensor."""
         return TENSOR if self.signed else (STRAIN,)
 
     @property
     def signed(self) -> bool:
-        """Whether the state begins with the viscoplastic strain tensor, not with p."""
+        """Whether the state begins with the viscoplastic strain tensor instead of p."""
         return self.hardening == "signed"
 
     def fading(self, temperature: Array) -> Array:
@@ -70,36 +71,37 @@ class Hardening(RadialReturn):
 
 @dataclass(frozen=True, slots=True)
 class NortonHoff(Hardening):
-    """The modified Norton-Hoff law (163), with its yield limit found or given.
+    """The modified Norton-Hoff law (163), with an automatic or a given yield limit.
 
         q = C(e, r; T) = K0 p2 sqrt3 exp(-p1 e) (sqrt3 r)^p3 e^p4,    e = p + q/E.
 
     e is the total equivalent strain: in uniaxial tension the axial mechanical strain, so that the
-    curve is met where the elastic line q = E e crosses it (207)-(212).  The rate r is, by
+    curve is reached where the elastic line q = E e crosses it (207)-(212). The rate r depends on
     `yield_limit`:
 
-    None (automatic).  r is remembered by the point and follows the rate of e,
+    None (automatic). r is a state variable and follows the rate of e,
 
         p3 q dr/r = E (de - r dt)                                              (*)
 
-    where a falling e counts as 0 while the point flows and as its magnitude while it is elastic; a
-    point under no stress remembers nothing and takes r = |de/dt|.  The point flows when q would
-    exceed C(e, r), and then q = C(e, r).  At constant rate r = de/dt from the first step on:
-    elastic up to the crossing, on the curve after it, through softening and after unloading,
-    exactly and for any step size.  At constant e (*) is the relaxation of the viscous law
-    dp/dt = r, at constant q its creep.  The length of the memory, a strain of p3 q/E, is just what
-    keeps a point from answering a change of rate more stiffly than an elastic one.
+    where a decreasing e counts as 0 while the point flows and as its magnitude while it is elastic;
+    a point without stress takes r = |de/dt|. The point flows when q would exceed C(e, r), and then
+    q = C(e, r). At constant rate r = de/dt from the first step on: elastic up to the crossing, on
+    the curve after it, through softening and after unloading, exactly and for any step size. At
+    constant e (*) is the relaxation of the viscous law dp/dt = r, at constant q its creep. The
+    length of the memory, a strain of p3 q/E, just prevents a point from responding to a change of
+    rate more stiffly than an elastic one.
 
-    A yield stress over temperature.  Elastic below it; above it the viscous law, r = dp/dt, but q
-    does not fall below the yield stress by flow.  0 everywhere is the purely viscous law (170).
+    A yield stress over temperature. Elastic below it; above it the viscous law, r = dp/dt, but flow
+    does not reduce q below the yield stress. 0 everywhere is the purely viscous law (170).
     """
 
     strength: Curve  #: K0 p2 over temperature in K, Pa (s^p3)
-    p1: Curve  #: softening, over temperature; any sign
+    p1: Curve  #: softening over temperature; any sign
     p3: Curve  #: exponent of the rate, over temperature, at least 0.001
     p4: Curve  #: exponent of the strain, over temperature
-    yield_limit: Curve | None = None  #: None to find it automatically, or over temperature, Pa
-    largest_strain: float = 2.0  #: beyond it e no longer changes the curve
+    #: yield limit over temperature, Pa; None to determine it automatically
+    yield_limit: Curve | None = None
+    largest_strain: float = 2.0  #: e beyond which the curve is constant
 
     name: ClassVar[str] = "norton_hoff"
     parameters: ClassVar[Mapping[str, Parameter]] = {
@@ -132,12 +134,12 @@ class NortonHoff(Hardening):
 
     @property
     def kind(self) -> int:  # type: ignore[override]
-        """Which branch of the kernel."""
+        """Number of the branch of the kernel."""
         return constants.CURVE_AUTOMATIC if self.yield_limit is None else constants.CURVE_GIVEN
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Viscoplastic strain, and with an automatic yield limit the remembered rate in 1/s."""
+        """Viscoplastic strain, and with an automatic yield limit the rate variable in 1/s."""
         strain = TENSOR if self.signed else (STRAIN,)
         return (*strain, RATE) if self.yield_limit is None else strain
 
@@ -170,23 +172,23 @@ class NortonHoff(Hardening):
 class UnifiedSteel(Hardening):
     """Kozlowski's model III for austenite and Zhu's power law for delta ferrite.
 
-    Austenite: q = f1 p^f2 + (dp/dt / c)^(1/f3);  delta ferrite: q = d (1 + 1000 p)^m (dp/dt)^(1/n).
-    The share of delta ferrite in the solid chooses: delta above `threshold`, austenite below.  With
-    a `blend` the two flow stresses are added by weight (both phases strain alike), and the weight
-    of delta goes linearly from 0 to 1 while the share goes from threshold - blend/2 to
+    Austenite: q = f1 p^f2 + (dp/dt / c)^(1/f3); delta ferrite: q = d (1 + 1000 p)^m (dp/dt)^(1/n).
+    The fraction of delta ferrite in the solid selects the law: delta above `threshold`, austenite
+    below. With a `blend` the two flow stresses are averaged (equal strain in both phases), and the
+    weight of delta rises linearly from 0 to 1 between the fractions threshold - blend/2 and
     threshold + blend/2: a threshold of 0.5 with a blend of 1 mixes them by their fractions.
 
     With accumulated `hardening` p never decreases, and a reversed load meets the hardened curve;
-    signed, f1 p^f2 is a back stress along the strain tensor, which helps a reversed load.
+    signed, f1 p^f2 is a back stress along the strain tensor, which assists a reversed load.
     """
 
-    carbon: float  #: wt%
+    carbon: float  #: carbon content, wt%
     #: delta ferrite in the solid over temperature in K, 0 to 1
     delta_share: Callable[[Array], Array]
-    threshold: float = 0.1  #: of the share of delta ferrite
-    blend: float = 0.0  #: width of the transition in the share; 0 switches
-    #: coefficients below it are those at it, K (900 degC is the end of the data; the default keeps
-    #: the extrapolation from leaving the physical range)
+    threshold: float = 0.1  #: threshold of the fraction of delta ferrite
+    blend: float = 0.0  #: width of the transition in the fraction; 0 for a switch
+    #: temperature below which the coefficients are constant, K (the data end at 900 degC; the
+    #: default keeps the extrapolation within the physical range)
     coldest: float = 973.15
 
     name: ClassVar[str] = "unified_steel"
@@ -199,7 +201,7 @@ class UnifiedSteel(Hardening):
 
     @classmethod
     def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:
-        """See `RadialReturn.from_parameters`; it goes by the carbon of the steel."""
+        """See `RadialReturn.from_parameters`; it depends on the carbon content of the steel."""
         carbon, delta_share = given.steel()
         more: dict[str, Any] = {**given.numbers(cls.numbers), **given.words(cls.words)}
         more |= given.curves(cls.parameters)

@@ -1,4 +1,4 @@
-"""Laws from parameter files: the sets shipped with castfem and the user's own.
+"""Constitutive laws from parameter files: sets shipped with castfem, and the user's own.
 
 A file names its law and gives each parameter as a single value or as a table over temperature:
 
@@ -12,10 +12,10 @@ A file names its law and gives each parameter as a single value or as a table ov
     [p3]
     value = 0.13
 
-Every parameter may say where it comes from (`source`), how sure that is (`status`: F read in the
-source, M from memory and not yet checked against the page, C computed, U the user's own) and a
-`note`. A table [data] says which temperatures and strain rates the numbers rest on, lowest and
-highest; a run tells how much of its shell is beyond.
+Every parameter may have its `source`, a `status` (F read in the source, M from memory and not yet
+checked, C computed, U the user's own) and a `note`. A table [data] gives the temperatures and
+strain rates of the underlying data, lowest and highest; a run reports how much of its shell is
+outside.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ _NOTES = ("source", "status", "note")
 
 @dataclass
 class _Reader:
-    """Parameters in the reading, and what is wrong with them; see `base.Given`."""
+    """Reads parameters and collects errors; see `base.Given`."""
 
-    data: Mapping[str, Any]  #: the file
-    label: str  #: what it is called in messages
-    carbon: float | None = None  #: of the steel of the case, wt%
+    data: Mapping[str, Any]  #: content of the file
+    label: str  #: its name in messages
+    carbon: float | None = None  #: carbon of the steel of the case, wt%
     #: delta ferrite in its solid over temperature
     delta_share: Callable[[Array], Array] | None = None
-    problems: list[str] = field(default_factory=list)  #: found so far
+    problems: list[str] = field(default_factory=list)  #: errors found so far
 
     def fail(self, key: str, text: str) -> None:
-        """Note what is wrong with a key, once."""
+        """Record an error in a key, once."""
         problem = f"{self.label}: {key}: {text}"
         self.problems += [] if problem in self.problems else [problem]
 
@@ -106,7 +106,7 @@ class _Reader:
         return carbon, delta_share or delta_share_of(carbon)
 
     def curve(self, key: str, parameter: Parameter) -> Curve:
-        """Return a parameter over temperature; a stand-in if it is faulty."""
+        """Return a parameter over temperature; a substitute if it is faulty."""
         given = self.data.get(key)
         if given is None:
             if parameter.default is None:
@@ -132,7 +132,7 @@ class _Reader:
         return Constant(found)
 
     def number(self, key: str, kind: Kind) -> float | None:
-        """Return a single number; None where it is not given, or faulty."""
+        """Return a single number; None if it is not given, or faulty."""
         if key not in self.data:
             return None
         try:
@@ -142,7 +142,7 @@ class _Reader:
             return None
 
     def data_range(self) -> DataRange | None:
-        """Return what the data of the law cover: the table [data]."""
+        """Return the range of the data of the law: the table [data]."""
         given = self.data.get("data")
         if given is None:
             return None
@@ -162,10 +162,10 @@ class _Reader:
         return DataRange(**ends) if len(ends) == len(_DATA) else None
 
     def lacking(self, law: type[RadialReturn]) -> None:
-        """Refuse a file without a number or word that its law has no default for.
+        """Refuse a file that lacks a required number or word of its law.
 
         Raises:
-            InputError: Naming each.
+            InputError: Names each of them.
         """
         needed = [f.name for f in fields(law) if f.default is f.default_factory is MISSING]
         known = {**law.numbers, **law.words}
@@ -177,14 +177,14 @@ class _Reader:
             raise InputError(self.problems)
 
     def unknown(self, allowed: tuple[str, ...]) -> None:
-        """Note keys that this law does not have."""
+        """Report keys that this law does not have."""
         for key in self.data:
             if key not in allowed:
                 self.fail(key, f"unknown key; allowed: {choices(allowed)}{nearest(key, allowed)}")
 
 
 def available_laws() -> dict[str, str]:
-    """Return the names of the sets shipped with castfem, each with its description."""
+    """Return the names of the sets shipped with castfem, with their descriptions."""
     found = {}
     for path in sorted(FOLDER.glob("*.toml")):
         data = tomllib.loads(path.read_text("utf-8"))
@@ -204,25 +204,25 @@ def load_law(
     """Load a law.
 
     Args:
-        name: A set shipped with castfem, or the path of a TOML file (it ends in .toml or has a
-            slash), relative to `base_dir`.
+        name: A set shipped with castfem, or the path of a TOML file (ends in .toml or has a slash),
+            relative to `base_dir`.
         elasticity: Elastic part, with the solidus.
-        base_dir: Folder of the case file; the working folder if left out.
-        carbon: wt%, for laws that go by carbon and do not state it.
+        base_dir: Folder of the case file; by default the working folder.
+        carbon: Carbon content, wt%, for laws that depend on it and do not state it.
         delta_share: Delta ferrite in the solid over temperature in K, likewise.
 
     Raises:
-        InputError: With all problems found, one line each.
+        InputError: The set is faulty; all problems, one line each.
     """
     data, label = _parse(name, Path(base_dir or "."), "law")
     return law_from(data, elasticity, label, carbon=carbon, delta_share=delta_share)
 
 
 def unchecked(name: str, base_dir: str | os.PathLike[str] | None = None) -> dict[str, str]:
-    """Parameters of a law with status M, from memory of their source, each with that source.
+    """Parameters of a law with status M (quoted from memory), each with its source.
 
     Raises:
-        InputError: As `load_law`.
+        InputError: As for `load_law`.
     """
     data, _ = _parse(name, Path(base_dir or "."), "law")
     found = {"law": str(data.get("source", ""))} if data.get("status") == FROM_MEMORY else {}
@@ -233,10 +233,10 @@ def unchecked(name: str, base_dir: str | os.PathLike[str] | None = None) -> dict
 
 
 def law_carbon(name: str, base_dir: str | os.PathLike[str] | None = None) -> float | None:
-    """Carbon of the steel whose numbers a law has, wt%; None if it goes by that of the case's.
+    """Carbon of the steel to which a law was fitted, wt%; None if it uses that of the case.
 
     Raises:
-        InputError: As `load_law`.
+        InputError: As for `load_law`.
     """
     data, label = _parse(name, Path(base_dir or "."), "law")
     return _Reader(data, label).number("carbon", _CARBON)
@@ -250,7 +250,7 @@ def law_from(
     carbon: float | None = None,
     delta_share: Callable[[Array], Array] | None = None,
 ) -> RadialReturn:
-    """Make the law of a parsed parameter file, see `load_law`; `label` names it in messages."""
+    """Build the law of a parsed parameter file, see `load_law`; `label` is its name in messages."""
     name, known = str(data.get("law", "")), RadialReturn.laws
     if name not in known:
         found = f"({shown(data['law'])}) is not known" if "law" in data else "is missing"
@@ -266,10 +266,10 @@ def law_from(
 
 
 def unusual(name: str, law: Law, base_dir: str | os.PathLike[str] | None = None) -> str:
-    """Say which parameter of a law is hardly meant, and why; empty where all may be.
+    """Return a warning about an implausible parameter of a law; "" if there is none.
 
     Raises:
-        InputError: As `load_law`.
+        InputError: As for `load_law`.
     """
     if not isinstance(law, RadialReturn):
         return ""
@@ -293,12 +293,12 @@ def delta_share_of(carbon: float) -> Callable[[Array], Array]:
 
 @dataclass(frozen=True, slots=True)
 class DeltaShare:
-    """Share of delta ferrite in the solid; that at the liquidus where there is no solid."""
+    """Fraction of delta ferrite in the solid; above the liquidus that at the liquidus."""
 
     diagram: Any  #: iron-carbon equilibrium of the steel (`castfem.physics.materials.IronCarbon`)
 
     def __call__(self, temperature: Array) -> Array:
-        """Return the share, 0 to 1, at temperatures in K."""
+        """Return the fraction, 0 to 1, at temperatures in K."""
         import numpy as np
 
         phases = self.diagram.phases(np.minimum(temperature, self.diagram.liquidus - 1e-3))
@@ -309,7 +309,7 @@ def load_elasticity(name: str = "elastic_steel", solidity: Solidity | None = Non
     """Load the elastic part of a shipped set or a file of the same form (`young`, `poisson`).
 
     Raises:
-        InputError: With all problems found, one line each.
+        InputError: The set is faulty; all problems, one line each.
     """
     data, label = _parse(name, Path("."), "young")
     reader = _Reader(data, label)
@@ -322,7 +322,7 @@ def load_elasticity(name: str = "elastic_steel", solidity: Solidity | None = Non
 
 
 def given_set(name: str) -> dict[str, Any]:
-    """Return the tables of a shipped set or a file of one's own, of either kind, as written.
+    """Return the tables of a shipped set or a user's file, of either kind, as written.
 
     Raises:
         InputError: It cannot be read.
@@ -332,12 +332,12 @@ def given_set(name: str) -> dict[str, Any]:
 
 
 def problems_at(where: str, error: InputError) -> InputError:
-    """The problems of a parameter set, told as those of the key that names it."""
+    """Return the problems of a parameter set as problems of the key that names it."""
     return InputError([f"{where}: {problem.removeprefix('law: ')}" for problem in error.problems])
 
 
 def _label(path: Path) -> str:
-    """Return how a file is called in messages: relative to the working folder, if it is there."""
+    """Return the name of a file in messages: relative to the working folder, if it is inside."""
     try:
         return str(path.resolve().relative_to(Path.cwd()))
     except ValueError:
@@ -345,12 +345,12 @@ def _label(path: Path) -> str:
 
 
 def _parse(name: str, base: Path, holds: str) -> tuple[dict[str, Any], str]:
-    """Read the file of a set; how it is called in messages comes with it.
+    """Read the file of a set; return it with its name in messages.
 
     Args:
         name: A shipped set or a path, relative to `base`.
         base: Folder.
-        holds: Key that a shipped set has if it is of the kind asked for: "law" or "young".
+        holds: Key of shipped sets of the wanted kind: "law" or "young".
     """
     own = name.endswith(".toml") or "/" in name or os.sep in name
     if own:

@@ -1,7 +1,7 @@
-"""A law at a material point in a tensile machine: axial strain or stress prescribed, sides free.
+"""A law in a uniaxial test: prescribed axial strain or stress, free sides.
 
-The axis is z, the casting direction.  Many specimens run side by side, one a row; each may have its
-own temperature history.
+The axis is z, the casting direction. Many specimens are computed together, one per row; each may
+have its own temperature history.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -34,33 +34,33 @@ class Tension:
     thermal_strain: Array  #: (m+1, n)
     stress: Array  #: Pa, Mandel, (m+1, n, 4)
     state: Array  #: (m+1, n, states)
-    flows: Flags  #: whether the specimen flowed in the step to that time, (m+1, n)
+    flows: Flags  #: whether the specimen flowed in the step up to that time, (m+1, n)
     work: Array  #: viscoplastic work since the start, J/m3, (m+1, n)
 
     @property
     def axial_stress(self) -> Array:
-        """Pa, (m+1, n)."""
+        """Axial stress, Pa, (m+1, n)."""
         return self.stress[:, :, AXIAL]
 
     @property
     def axial_strain(self) -> Array:
-        """Mechanical, that is without thermal strain (213), (m+1, n)."""
+        """Mechanical axial strain, without thermal strain (213), (m+1, n)."""
         return np.asarray(self.strain[:, :, AXIAL] - self.thermal_strain)
 
 
 @dataclass(frozen=True, slots=True)
 class _Machine:
-    """What is prescribed: `goal` is the axial strain or stress at each time, (m+1, n)."""
+    """The test: `goal` is the prescribed axial strain or stress at each time, (m+1, n)."""
 
-    law: Law  #: of the specimens
+    law: Law  #: law of the specimens
     by_stress: bool  #: whether `goal` is a stress
     goal: Array  #: axial strain or stress
     temperature: Array  #: K, (m+1, n)
-    tolerance: float  #: of the residual stresses, see `pull`
+    tolerance: float  #: tolerance of the residual stresses, see `pull`
     out: Response  #: arrays for the responses
 
     def advance(self, record: Tension, k: int, guess: Array) -> Array:
-        """Find the strain increments of step k from a guess, and record what comes of them."""
+        """Find the strain increments of step k from a guess, and record the result."""
         dt = float(record.time[k] - record.time[k - 1])
         heat = self.temperature[k - 1], self.temperature[k]
         coefficients = self.law.coefficients(*heat)
@@ -101,18 +101,18 @@ def pull(
     """Run a tensile test.
 
     Args:
-        law: The law.
-        time: Increasing, s, (m+1,); the specimens are virgin at the first.
+        law: The constitutive law.
+        time: Increasing times, s, (m+1,); the specimens are unstrained at the first.
         axial: Total axial strain or axial stress [Pa] at these times, (m+1,) or (m+1, n).
-        temperature: K; one, (m+1,) or (m+1, n).
-        control: What `axial` is.
-        thermal_strain: Isotropic, one, (m+1,) or (m+1, n).
-        tolerance: Of stresses that must vanish or have a value, over the stiffness of the specimen
-            times a strain of 1e-3, or over its stress.
-        done: Called after each step with the history and the index of what was added to it.
+        temperature: Temperature, K; a number, (m+1,) or (m+1, n).
+        control: Whether `axial` is strain or stress.
+        thermal_strain: Isotropic thermal strain; a number, (m+1,) or (m+1, n).
+        tolerance: Tolerance of prescribed or vanishing stresses, relative to the stiffness of the
+            specimen times a strain of 1e-3, or to its stress.
+        done: Called after each step with the history and the index of the new entry.
 
     Raises:
-        RunFailure: If the free sides cannot be found; it names the time.
+        RunFailure: The state with free sides cannot be found; the message has the time.
     """
     times: Array = np.asarray(time, float)
     histories = [_spread(a, len(times)) for a in (axial, temperature, thermal_strain)]
@@ -146,7 +146,7 @@ def _spread(values: npt.ArrayLike, times: int) -> Array:
 
 
 def _blank(times: Array, thermal: Array, state: Array) -> Tension:
-    """Return a history of nothing."""
+    """Return an empty history."""
     m, n = thermal.shape
     history = np.zeros((m, *state.shape))
     history[0] = state
@@ -160,9 +160,9 @@ def _balanced(
     respond: Callable[[Array], Response], increment: Array, target: Array, free: list[int],
     tolerance: float, time: float,
 ) -> Array:  # fmt: skip
-    """Newton for the strain increments in the directions `free`, each specimen damped by itself.
+    """Newton's method for the strain increments in the directions `free`, damped for each specimen.
 
-    The last response asked for is that of the increments returned.
+    The last evaluated response is that of the returned increments.
     """
     response = respond(increment)
     worst = np.inf
@@ -177,7 +177,8 @@ def _balanced(
             return increment
         worst = float(np.max(size / scale))
         move = np.zeros_like(increment)
-        # A plateau has no stiffness along the flow: lend it some, the halving below does the rest.
+        # A plateau has no stiffness along the flow: a small one is added, and halving does the
+        # rest.
         softest = np.linalg.eigvalsh(tangent)[:, 0]
         lent = np.where(softest < 1e-6 * stiff, 10.0 * stiff - softest, 0.0)
         tangent = tangent + lent[:, None, None] * np.eye(len(free))
@@ -197,23 +198,22 @@ def _balanced(
 
 
 def axial_stress(strain: Array, rate: Array, modulus: float, curve: FlowCurve) -> Array:
-    """Axial stress (n,) of a bar that is pulled, pressed and released at constant rates, Pa.
+    """Axial stress (n,) of a bar loaded, unloaded and reversed at constant rates, Pa.
 
-    Loading follows the elastic line until it meets the curve of its rate, then the curve (thesis
-    III.2.6); a change of rate changes the curve at once.  Where the direction turns, the bar
-    answers along the elastic line through that point; in the opposite direction it flows on the
-    curve again, hardened by all it has flowed.  A bar that is held relaxes: from there on the
-    answer is NaN.
+    Loading follows the elastic line until it reaches the curve of its rate, then the curve (thesis
+    III.2.6); a change of rate changes the curve at once. On reversal the bar follows the elastic
+    line through that point; in the opposite direction it flows on the curve again, hardened by all
+    previous flow. A bar held at constant strain relaxes, for which the result is NaN from there on.
 
     Args:
         strain: Axial mechanical strain (n,), from 0.
-        rate: Of the step that ends in each point (n,), 1/s; the first is not used.
+        rate: Strain rate of the step that ends at each point (n,), 1/s; the first is not used.
         modulus: Young's modulus, Pa.
-        curve: Of the law, `RadialReturn.flow_curve`.
+        curve: Flow curve of the law, `RadialReturn.flow_curve`.
     """
     found = np.full(len(strain), np.nan)
     found[0] = modulus * strain[0]
-    # Strain at which the bar is free of stress, and what it has flowed, when it last turned.
+    # Strain at zero stress, and accumulated flow, at the last reversal.
     rest, flowed, direction = 0.0, 0.0, 0.0
     changes = np.flatnonzero(np.diff(rate[1:])) + 2
     for first, last in zip([1, *changes], [*changes, len(strain)], strict=True):

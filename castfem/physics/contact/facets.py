@@ -1,7 +1,7 @@
-"""Quadrature points on the facets that may touch a wall, and what the forms see at them.
+"""Quadrature points on the facets that may touch a wall, and their values in the forms.
 
-Arrays over points hold this rank's facets one after the other, k points each.  Each exterior facet
-counts on one rank alone.  Means along the surface do not hang on the mesh.
+Arrays over points hold this rank's facets one after the other, k points each. Each exterior facet
+belongs to one rank. Means along the surface do not depend on the mesh.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from castfem.fem.section import Section
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """The facets that have the same place in their cells."""
+    """Facets with the same local index in their cells."""
 
-    facets: Indices  #: their numbers among the contact facets (m,)
+    facets: Indices  #: their indices among the contact facets (m,)
     cells: npt.NDArray[np.int32]  #: their cells (m,)
     points: Array  #: reference points in the cell (k, 2)
     tangent: Array  #: reference vector along the facet
@@ -44,15 +44,15 @@ class Facets:
 
     Args:
         section: The distributed section.
-        tags: Of the boundary groups.
-        points: Quadrature points a facet.
+        tags: Tags of the boundary groups.
+        points: Quadrature points per facet.
 
     Attributes:
-        cells: Cell of each facet (f,). local: Place of the facet in its cell (f,).
-        count: Points on this rank. per_facet: k.
-        position: On the undeformed mesh (count, 2), m. normal: Outward, likewise (count, 2).
-        weight: Length of each point (count,), m.
-        height: Size of the cell across the facet (count,), m.
+        cells: Cell of each facet (f,). local: Local index of the facet in its cell (f,).
+        count: Points on this rank. per_facet: Points per facet, k.
+        position: On the undeformed mesh (count, 2), m. normal: Outward normal there (count, 2).
+        weight: Length of surface of each point (count,), m.
+        height: Size of the cell normal to the facet (count,), m.
         measure: Undeformed surface of the groups, with the same points.
     """
 
@@ -89,7 +89,7 @@ class Facets:
         """Prepare the evaluation of a UFL expression of cells at the points (collective).
 
         Returns:
-            A function that gives (count, components x degrees of freedom).
+            A function that returns (count, components x degrees of freedom).
         """
         everywhere = np.concatenate([side.points for side in self.sides])
         table = Tabulation(self.section.mesh, expression, everywhere, self.cells)
@@ -116,35 +116,35 @@ class Facets:
         stretch = np.hypot(*along.T)
         self.weight = weights * stretch
         self.normal = outward / np.hypot(*outward.T)[:, None]
-        # Both the square and the triangle measure a unit across each side at its foot.
+        # In square and triangle the reference distance from each side at its foot is one.
         area = np.abs(np.linalg.det(jacobian))
         self.height = area / np.maximum(stretch, 1e-300)
 
     def rows(self, facets: Indices) -> Indices:
-        """Points of facets, facet after facet."""
+        """Indices of the points of some facets, facet by facet."""
         return (facets[:, None] * self.per_facet + np.arange(self.per_facet)).ravel()
 
     def operator(self, expression: Any, space: fem.FunctionSpace) -> sparse.csr_matrix:
-        """Sparse matrix of a linear expression of a space's functions.
+        """Sparse matrix of an expression linear in functions of a space.
 
-        Rows are the components of the first point, then of the second...; columns this rank's
+        Rows are the components at the first point, then at the second ...; columns are this rank's
         degrees of freedom.
         """
-        values = self.tabulate(expression)()  # also without facets: compiling is collective
+        values = self.tabulate(expression)()  # even without facets, since compiling is collective
         dofs = dof_values.per_cell(space)
         table = values.reshape(self.count, values.shape[1] // dofs, dofs)
         return dof_values.operator(space, np.repeat(self.cells, self.per_facet), table)
 
 
 class FacetFields:
-    """Values at facet points as a function that forms on `Facets.measure` see.
+    """Values at facet points as a function for forms on `Facets.measure`.
 
-    On each cell it is a polynomial that passes through the values at the points of all its contact
-    facets, of no higher degree than that takes: what it is elsewhere is never asked for.
+    On each cell it is the polynomial of lowest degree through the values at the points of its
+    contact facets; it is not evaluated elsewhere.
 
     Args:
         facets: The facets.
-        width: Components.
+        width: Number of components.
 
     Attributes:
         function: The function.
@@ -155,7 +155,7 @@ class FacetFields:
         patterns = _patterns(facets)
         own = max((len(sides) for sides in patterns), default=1)
         most = section.comm.allreduce(own, op=MPI.MAX)
-        # Two sides that meet share a value, and of a closed ring of sides one more is spoken for.
+        # Adjacent sides share a value; in a closed ring of sides one more value is fixed.
         degree = points - 2 + min(most, 3)
         element = basix.ufl.element("Lagrange", section.cell, degree, discontinuous=True)
         blocked = basix.ufl.blocked_element(element, shape=(width,))
@@ -169,7 +169,7 @@ class FacetFields:
             self._parts.append((members, dofs[facets.cells[members[:, 0]]], through))
 
     def fill(self, values: Array) -> None:
-        """Take up `values` (count, width)."""
+        """Set `values` (count, width)."""
         target = self.function.x.array.reshape(-1, self._width)
         by_facet = values.reshape(-1, self._points, self._width)
         for members, dofs, through in self._parts:
@@ -192,7 +192,7 @@ def _patterns(facets: Facets) -> dict[tuple[int, ...], Indices]:
 def _places(
     mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]
 ) -> tuple[npt.NDArray[np.int32], Indices]:
-    """Cell of each exterior facet, and its place among the facets of that cell."""
+    """Cell of each exterior facet, and index of the facet in that cell."""
     topology = mesh.topology
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
@@ -205,19 +205,19 @@ def _places(
     return cells, np.array(local, dtype=np.int64)
 
 
-LENGTH = 5e-3  # m: of the surface over which pressure is averaged
+LENGTH = 5e-3  # m: length of surface over which pressure is averaged
 
 
 class SurfaceMean:
-    """Means over a length of the undeformed surface.
+    """Averages over a length of the undeformed surface.
 
-    A pressure that is nearly a force at a place, as where the arc of a corner ends in a face, has
-    no value at a point that finer cells would come to; its mean has.  Each facet's point stands for
-    a piece of the surface around it, of which the part within the length counts.  Where the section
-    ends in a plane of symmetry its mirror image would add the same.
+    A pressure that is nearly a point force, such as at the end of a corner arc, does not converge
+    at a point with finer cells; its average does. Each quadrature point represents a piece of the
+    surface around it, of which the part within the length counts. At a plane of symmetry the mirror
+    image would contribute equally.
 
     Args:
-        facets: The facets' points (collective).
+        facets: Points of the facets (collective).
     """
 
     def __init__(self, facets: Facets) -> None:
@@ -230,13 +230,13 @@ class SurfaceMean:
         self._around_own = self._around(self._own, half)
 
     def gathered(self, values: Array) -> Array:
-        """Values at this rank's points as those at all points, on every rank (collective)."""
+        """Gather values at this rank's points on every rank (collective)."""
         if self._comm.size == 1:
             return values
         return np.concatenate(self._comm.allgather(values))
 
     def _around(self, places: Array, half: Array) -> sparse.csr_matrix:
-        """Weights of all points in the means over twice `half` (n,), m, around places (n, 2)."""
+        """Weights of all points in the averages over twice `half` (n,), m, around places (n, 2)."""
         near = self._tree.query_ball_point(places, half + 0.5 * self._pieces.max(initial=0.0))
         rows = np.repeat(np.arange(len(places)), [len(numbers) for numbers in near])
         columns = np.concatenate([np.zeros(0, np.int64), *map(np.array, near)]).astype(np.int64)
@@ -248,15 +248,15 @@ class SurfaceMean:
         return sparse.csr_matrix((part / sums[rows], (rows, columns)), shape=shape)
 
     def around(self, places: Array) -> sparse.csr_matrix:
-        """Weights (n, all points) of the means around places of the surface (n, 2), m."""
+        """Weights (n, all points) of the averages around places of the surface (n, 2), m."""
         return self._around(places, self._halves[self._tree.query(places)[1]])
 
     def highest(self, values: Array, now: Array) -> tuple[float, Array]:
-        """The highest mean around a point, and where that is (collective).
+        """The highest average around a point, and its position (collective).
 
         Args:
-            values: At this rank's points (n,).
-            now: Where they are (n, 2), m.
+            values: Values at this rank's points (n,).
+            now: Present positions of the points (n, 2), m.
         """
         means = self._around_own @ self.gathered(values)
         most, *where = reductions.peak(self._comm, means, now)

@@ -1,15 +1,15 @@
 """Friction between strand and wall (thesis III.4.2-4.3): thresholds, viscous laws, return mapping.
 
-Friction is a vector of two components, in the plane and along the strand.  As long as it is below
-its threshold the contact sticks, but for an elastic slip tau / K_tau (240); beyond, it slides in
-the direction of the friction, without opening (non-associated, (246)-(248)).  Over a step that is a
-radial return, as in plasticity: fully implicit, where the thesis integrates the rates (261)-(262).
+Friction is a vector of two components, in the plane and along the strand. Below its threshold the
+contact sticks, with an elastic slip tau / K_tau (240); above, it slides in the direction of the
+friction, without opening (non-associated, (246)-(248)). Over a step this is a radial return, as in
+plasticity: fully implicit, where the thesis integrates the rates (261)-(262).
 
-What a law has at p = 0 (Tresca's threshold, a cohesion, viscous friction) fades in with the
-pressure: it is at most `cap` times that.  Without this, friction jumps where contact begins: a
-point that its own friction lifts off the wall, and that comes back without it, has no solution.
-Surfaces that are pressed lightly touch on a few spots alone, in proportion to the pressure, so that
-such laws hold at pressures near the yield stress only (Wanheim and Bay, CIRP Annals 27 (1978) 189).
+Friction that a law has at p = 0 (Tresca's threshold, a cohesion, viscous friction) is limited to
+`cap` times the pressure. Otherwise friction would jump where contact begins: a point that its own
+friction lifts off the wall, and that returns without it, has no solution. Lightly pressed surfaces
+touch on a few spots only, in proportion to the pressure, so that such laws hold only at pressures
+near the yield stress (Wanheim and Bay, CIRP Annals 27 (1978) 189).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -24,17 +24,18 @@ import numpy as np
 from castfem.base.types import Array, Flags
 
 SQRT3 = 3.0**0.5
-CAP = 1.0  # friction over pressure, where the law itself has friction without pressure
+CAP = 1.0  # limit of friction over pressure, where the law itself has friction without pressure
 FINITE = (1e-300, 1e300)
 
 
 @dataclass(frozen=True, slots=True)
 class ViscousLimits:
-    """How the rate of slip of viscous friction is searched for, by its logarithm."""
+    """Limits of the search for the slip rate of viscous friction, in its logarithm."""
 
-    iterations: int = 60  # as many halvings as the bracket takes
-    furthest: float = 60.0  # what is less than the largest by that is no slip
-    close: float = 1e-14  # rounding, of it and, beside 1, of the logarithm of stress
+    iterations: int = 60  # largest number of iterations, enough for bisection alone
+    furthest: float = 60.0  # slip rates smaller than the largest by this factor count as zero
+    # tolerance of the logarithm of the rate and, relative, of that of the stress
+    close: float = 1e-14
 
 
 LIMITS = ViscousLimits()
@@ -45,32 +46,32 @@ class Friction(Protocol):
 
     @property
     def cap(self) -> float:
-        """Friction beyond the threshold over the pressure, at most."""
+        """Largest friction over pressure beyond the threshold."""
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
-        """tau_c (n,), Pa, up to which the contact sticks, and its derivative by the pressure."""
+        """Sticking threshold tau_c (n,), Pa, and its derivative by the pressure."""
 
     def excess(self, rate: Array) -> tuple[Array, Array] | None:
-        """Friction beyond the threshold (n,), Pa, at rates of slip (n,), m/s, and its derivative.
+        """Friction above the threshold (n,), Pa, at slip rates (n,), m/s, and its derivative.
 
         None for a law without viscosity.
         """
 
 
 def _check(name: str, value: float, low: float = 0.0, high: float = np.inf) -> None:
-    """Refuse a number outside low ... high, and one that is no number."""
+    """Refuse a number outside low ... high, or NaN."""
     if not low <= value <= high:
         raise ValueError(f"friction: {name} ({value}) must be within {low:g} ... {high:g}")
 
 
 @dataclass(frozen=True, slots=True)
 class Coulomb:
-    """tau_c = mu p + b (231), if asked for within sqrt(p^2 + 3 tau^2) <= p0 (233)."""
+    """tau_c = mu p + b (231), optionally limited by sqrt(p^2 + 3 tau^2) <= p0 (233)."""
 
-    coefficient: float  #: mu
-    cohesion: float = 0.0  #: b, Pa
+    coefficient: float  #: coefficient of friction mu
+    cohesion: float = 0.0  #: cohesion b, Pa
     yield_stress: float | None = None  #: p0 of the weaker material, Pa; None for no limit
-    cap: float = CAP  #: cohesion over pressure, at most
+    cap: float = CAP  #: largest cohesion over pressure
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -100,9 +101,9 @@ class Coulomb:
 class Tresca:
     """tau_c = m p0 / sqrt(3) (234)-(235)."""
 
-    share: float  #: m, 0 to 1
-    yield_stress: float  #: p0, Pa
-    cap: float = CAP  #: tau_c over pressure, at most
+    share: float  #: friction factor m, 0 to 1
+    yield_stress: float  #: yield stress p0, Pa
+    cap: float = CAP  #: largest tau_c over pressure
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -124,11 +125,11 @@ class Viscous:
     """Beyond a threshold tau - tau_c = min(alpha p0/sqrt(3) (|v|/u)^n, p0/sqrt(3)) (236)."""
 
     base: Coulomb | Tresca  #: law of the threshold
-    share: float  #: alpha
-    yield_stress: float  #: p0, Pa
-    speed: float  #: u, m/s
-    exponent: float  #: n
-    cap: float = CAP  #: tau - tau_c over pressure, at most
+    share: float  #: friction factor alpha
+    yield_stress: float  #: yield stress p0, Pa
+    speed: float  #: reference speed u, m/s
+    exponent: float  #: exponent n
+    cap: float = CAP  #: largest tau - tau_c over pressure
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -152,9 +153,9 @@ class Viscous:
 class Lubricant:
     """tau = beta |v|^n without threshold (237)."""
 
-    coefficient: float  #: beta, Pa (s/m)^n
-    exponent: float  #: n
-    cap: float = CAP  #: tau over pressure, at most
+    coefficient: float  #: coefficient beta, Pa (s/m)^n
+    exponent: float  #: exponent n
+    cap: float = CAP  #: largest tau over pressure
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -172,7 +173,7 @@ class Lubricant:
 
 
 def _faded_in(friction: float, cap: float, pressure: Array) -> tuple[Array, Array]:
-    """The smaller of a friction and `cap` times the pressure, and its derivative by p."""
+    """The smaller of friction and `cap` times the pressure, and its derivative by p."""
     steep = cap * pressure < friction
     return np.where(steep, cap * pressure, friction), np.where(steep, cap, 0.0)
 
@@ -188,9 +189,9 @@ def _power(rate: Array, coefficient: float, exponent: float) -> tuple[Array, Arr
 class Sliding:
     """Friction at n points at the end of a step."""
 
-    traction: Array  #: in the plane and along the strand (n, 2), Pa
+    traction: Array  #: friction in the plane and along the strand (n, 2), Pa
     by_trial: Array  #: its derivative by the trial friction (n, 2, 2)
-    by_pressure: Array  #: by p (n, 2)
+    by_pressure: Array  #: its derivative by p (n, 2)
     slides: Flags  #: whether the threshold was reached (n,)
 
 
@@ -202,16 +203,16 @@ def return_friction(
     dt: float,
     held: tuple[Flags, Flags] | None = None,
 ) -> Sliding:
-    """Bring trial friction back to what the law allows, along its own direction.
+    """Return trial friction to the limit of the law, along its own direction.
 
     Args:
-        law: Law of friction.
-        trial: Friction if the step were all elastic slip (n, 2), Pa.
+        law: The friction law.
+        trial: Friction if all slip of the step were elastic (n, 2), Pa.
         pressure: Contact pressure (n,), Pa; no friction where it is 0.
-        stiffness: K_tau (n,), Pa/m.
+        stiffness: Tangential stiffness K_tau (n,), Pa/m.
         dt: Length of the step, s.
-        held: Points that touch, and those that slide, whatever pressure and trial say.  Viscous
-            friction slides where it does.
+        held: Points to be treated as touching, and as sliding, for any pressure and trial friction.
+            Viscous friction slides where it does.
     """
     touches = pressure > 0.0 if held is None else held[0]
     size = np.hypot(*trial.T)
@@ -226,7 +227,8 @@ def return_friction(
         damping = stiffness[slides] * dt
         new[slides], by_limit[slides] = _viscous(law, size[slides], limit[slides], damping)
         by_pressure, by_size = by_limit * slope, 1.0 - by_limit
-        # Limited by the pressure the excess is the lower of two curves: the root is the lower, too.
+        # Limited by the pressure the excess is the lower of two curves, and the root the lower of
+        # two roots.
         most, rise = limit + law.cap * pressure, slope + law.cap
         steep = new > most
         new, by_size = np.where(steep, most, new), np.where(steep, 0.0, by_size)
@@ -245,17 +247,18 @@ def return_friction(
 
 
 def _viscous(law: Friction, size: Array, limit: Array, damping: Array) -> tuple[Array, Array]:
-    """Size of friction beyond the threshold, and its derivative by that, the trial held.
+    """Magnitude of friction above the threshold, and its derivative by that of the trial.
 
-    It solves damping rate + excess(rate) = size - limit for the rate of slip, by Newton's method on
+    It solves damping rate + excess(rate) = size - limit for the slip rate, by Newton's method on
     the logarithms of both: a power of the rate is a straight line there, and the root is found in
-    some four iterations.  A step that leaves the bracket is halved instead, so that it cannot fail.
+    about four iterations. A step out of the bracket is replaced by bisection, so that the method
+    cannot fail.
 
     Args:
-        law: Law with viscosity.
-        size: Of the trial friction (n,), Pa, above the limit.
+        law: Friction law with viscosity.
+        size: Magnitude of the trial friction (n,), Pa, above the limit.
         limit: Threshold (n,), Pa.
-        damping: Friction that a rate of slip relieves over the step (n,), Pa s/m.
+        damping: Friction released per slip rate over the step (n,), Pa s/m.
     """
 
     def excess(log_rate: Array) -> tuple[Array, Array]:
@@ -265,7 +268,7 @@ def _viscous(law: Friction, size: Array, limit: Array, damping: Array) -> tuple[
 
     over = np.log(size - limit)
     rounding = LIMITS.close * (1.0 + np.abs(over))
-    high = over - np.log(damping)  # the rate without friction
+    high = over - np.log(damping)  # slip rate without friction
     low = high - LIMITS.furthest
     sticks = excess(low)[0] >= size - limit
     at = np.where(sticks, low, high - np.log1p(excess(high)[0] / (size - limit)))
@@ -285,6 +288,6 @@ def _viscous(law: Friction, size: Array, limit: Array, damping: Array) -> tuple[
             break
     value, slope = excess(at)
     slipped = damping * np.exp(at)
-    # The smaller of the two is the more exact; of friction that jumps at rest the latter alone is.
+    # The smaller of the two is more accurate; for friction that jumps at rest only the latter is.
     tau = np.where(value < slipped, limit + value, size - slipped)
     return tau, np.asarray(1.0 / (1.0 + slope / damping))

@@ -1,15 +1,15 @@
-"""Contact with the wall, linearised: what touches, sticks, slides or is liquid goes on doing so.
+"""Linearised contact with the wall, with constant status: touching, sticking, sliding, liquid.
 
-A point x of the surface meets the wall at q = x + g_s s, s being the strand's normal there, n the
-wall's, t = (-n_y, n_x) and kappa the curvature.  As x moves and the wall stays,
+A point x of the surface meets the wall at q = x + g_s s, where s is the strand's normal there, n
+the wall's, t = (-n_y, n_x) and kappa the curvature. As x moves and the wall stays,
 
     g_s' = -n . x' / (n . s),     q' = x' + g_s' s,     n' = kappa t (t . q'),
 
-and the distance along the wall's normal, g = g_s (n . s), changes by -n . x' + g_s (n' . s).  From
-there on it is the chain rule through the pressure (penalty or Nitsche) and the friction.  The
-geometry is that of the undeformed slice: small strain.
+and the distance along the wall's normal, g = g_s (n . s), changes by -n . x' + g_s (n' . s). The
+rest is the chain rule through the pressure (penalty or Nitsche) and the friction. The geometry is
+that of the undeformed slice: small strain.
 
-The last axis of the arrays here counts what is changed (k).
+The last axis of the arrays here counts the parameters (k).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from castfem.physics.contact.strand_surface import StrandSurface
 from castfem.physics.contact.wall_contact import WallContact
 from castfem.physics.mould.wall import Wall
 
-Motion = tuple[Array, Array]  # displacement of this rank's nodes, ghosts included; strains (4,)
+Motion = tuple[Array, Array]  # displacement of this rank's nodes, including ghosts; strains (4,)
 
 
 def dot(one: Array, other: Array) -> Array:
@@ -36,20 +36,20 @@ def dot(one: Array, other: Array) -> Array:
 
 
 def turned(vector: Array) -> Array:
-    """Vectors (n, 2, ...) turned by a right angle: from a normal to the direction along a wall."""
+    """Vectors (n, 2, ...) turned by a right angle, from a normal to the direction along a wall."""
     return np.stack([-vector[:, 1], vector[:, 0]], axis=1)
 
 
 class WallMet:
-    """Where a wall is met, and how that changes as the surface moves.
+    """Contact geometry of a wall, with its derivatives by the motion of the surface.
 
     Args:
         surface: Points of the strand.
-        wall: The wall. position: Of the slice below the meniscus, m.
-        motion: Of the slice.
+        wall: The wall. position: Position of the slice below the meniscus, m.
+        motion: Motion of the slice.
 
     Attributes:
-        normal: Of the wall (n, 2). gap: Distance along it (n,), m; inf where none is met.
+        normal: Normal of the wall (n, 2). gap: Distance along it (n,), m; inf without a wall.
         along: Direction along the wall in the section (n, 2).
     """
 
@@ -72,7 +72,7 @@ class WallMet:
         return normal, np.where(np.isfinite(self.gap)[:, None], gap, 0.0)
 
     def to(self, wall: Wall, position: float) -> tuple[Array, Array]:
-        """Normal (n, 2) and gap (n,) to another wall from the same places."""
+        """Normal (n, 2) and gap (n,) to another wall from the same points."""
         other = self._surface.meet(wall, position, self.met.moved, self.strand)
         normal, gap, _ = self._surface.gap_to(other)
         return normal, gap
@@ -80,23 +80,23 @@ class WallMet:
 
 @dataclass(slots=True)
 class GivenChanges:
-    """Changes of what the contact of a step is given."""
+    """Derivatives of the input of the contact of a step."""
 
-    normal: Array  #: of the wall at the place there is (n, 2, k)
-    gap: Array  #: to it (n, k), m
-    stiffness: Array  #: of K_p (n, k), Pa/m
-    pool: Array  #: of the pressure of liquid at the surface (n, k), Pa
-    slip: Array  #: along the strand over the step (k,), m
-    travel: Array  #: of the step (k,), m
-    #: of friction as the law or the duration changes, at the trial friction there is (n, 2, k), Pa
+    normal: Array  #: normal of the wall at the present place (n, 2, k)
+    gap: Array  #: gap to it (n, k), m
+    stiffness: Array  #: stiffness K_p (n, k), Pa/m
+    pool: Array  #: pressure of liquid at the surface (n, k), Pa
+    slip: Array  #: slip along the strand over the step (k,), m
+    travel: Array  #: travel of the step (k,), m
+    #: friction with changed law or duration, for the present trial friction (n, 2, k), Pa
     law: Array
-    friction: Array  #: at the start of the step (n, 2, k), Pa
-    resistance: Array  #: to withdrawal (3, k), there
-    before: Array  #: of the motion of the points at the start of the step (n, 2, k), m
+    friction: Array  #: friction at the start of the step (n, 2, k), Pa
+    resistance: Array  #: withdrawal resistance at the start (3, k)
+    before: Array  #: motion of the points at the start of the step (n, 2, k), m
 
     @classmethod
     def none(cls, points: int, count: int) -> GivenChanges:
-        """None of `count` changes anything at some points."""
+        """Return zero derivatives by `count` parameters at some points."""
         scalar, vector = np.zeros((points, count)), np.zeros((points, 2, count))
         return cls(
             vector.copy(), scalar.copy(), scalar.copy(), scalar.copy(), np.zeros(count),
@@ -104,15 +104,15 @@ class GivenChanges:
         )  # fmt: skip
 
     def of(self, numbers: list[int] | slice) -> GivenChanges:
-        """Some of them."""
+        """Return the derivatives by some of the parameters."""
         return GivenChanges(*(getattr(self, one.name)[..., numbers] for one in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
 class ContactChanges:
-    """Changes of contact; names are those of `ContactState`."""
+    """Derivatives of contact; names are those of `ContactState`."""
 
-    traction: Array  #: on the strand, x, y and along it (n, 3, k), Pa
+    traction: Array  #: traction on the strand, x, y and along it (n, 3, k), Pa
     place: Array
     normal: Array
     gap: Array
@@ -121,7 +121,7 @@ class ContactChanges:
     withdrawal_resistance: Array
 
     def numbers(self) -> dict[str, Array]:
-        """Those of the state, by their names there."""
+        """Derivatives of the state, by its names."""
         names = (one.name for one in fields(self) if one.name != "traction")
         return {name: getattr(self, name) for name in names}
 
@@ -130,9 +130,9 @@ class LinearisedContact:
     """Contact at the end of a step.
 
     Args:
-        wall: That has been evaluated at its end.
-        old: State it began with.
-        now: Motion of the slice at its end. before: At its start.
+        wall: Contact evaluated at its end.
+        old: State at its start.
+        now: Motion of the slice at its end. before: Motion at its start.
     """
 
     def __init__(self, wall: WallContact, old: ContactState, now: Motion, before: Motion) -> None:
@@ -164,7 +164,7 @@ class LinearisedContact:
         return np.asarray(x * x * s[0] + y * y * s[1] + SQRT2 * x * y * s[3] - stress.liquid)
 
     def _return(self, side: WallContact) -> Sliding | None:
-        """Friction by the law of `side`, from the trial friction there is."""
+        """Friction by the law of `side`, for the present trial friction."""
         law = side.contact.friction
         if law is None:
             return None
@@ -178,7 +178,7 @@ class LinearisedContact:
         return found
 
     def by_law(self, above: WallContact, below: WallContact) -> Array:
-        """How friction differs by the laws of two sides (n, 2), Pa."""
+        """Difference of friction between the laws of two sides (n, 2), Pa."""
         one, other = self._return(above), self._return(below)
         if one is None or other is None:
             return np.zeros_like(self._slip)
@@ -187,13 +187,13 @@ class LinearisedContact:
     def changes(
         self, given: GivenChanges, moved: Array, stress: Array | None, liquid: Array | None
     ) -> ContactChanges:
-        """How contact changes.
+        """Return the derivatives of contact.
 
         Args:
-            given: What changes beside the motion.
+            given: Derivatives of the input other than the motion.
             moved: Motion of the points at the end of the step (n, 2, k), m.
-            stress: Of the solid at the points (n, 4, k), Pa, which Nitsche's method asks for.
-            liquid: The pressure in it (n, k), Pa; likewise.
+            stress: Derivative of the stress at the points (n, 4, k), Pa, for Nitsche's method.
+            liquid: Derivative of the pressure in the liquid (n, k), Pa, likewise.
         """
         place, wall = self.place, self._wall
         normal, gap = place.change(moved)
@@ -228,7 +228,7 @@ class LinearisedContact:
     def _rubbed(
         self, given: GivenChanges, moved: Array, normal: Array, pressure: Array
     ) -> tuple[Array, Array]:
-        """Changes of friction (n, 2, k), and of its traction (n, 3, k)."""
+        """Derivatives of friction (n, 2, k), and of its traction (n, 3, k)."""
         traction = np.zeros((len(normal), 3, normal.shape[2]))
         if self._sliding is None:
             return np.zeros_like(normal), traction
@@ -246,7 +246,7 @@ class LinearisedContact:
         return friction, traction
 
     def _resistance(self, given: GivenChanges, friction: Array) -> Array:
-        """Change of what the friction of the step adds to the resistance to withdrawal (3, k)."""
+        """Derivative of the step's contribution of friction to the withdrawal resistance (3, k)."""
         if self._sliding is None:
             return np.zeros_like(given.resistance)
         wall = self._wall
@@ -268,10 +268,10 @@ class LinearisedContact:
         return pressure, np.where(presses[:, None, None], turns, normal)
 
     def forces(self, changes: ContactChanges) -> tuple[Array, Array]:
-        """Changes of what is to be in equilibrium with the stress (collective).
+        """Derivatives of the forces in equilibrium with the stress (collective).
 
         Returns:
-            Forces of this rank's nodes, ghosts included (dofs, k), N/m; work on each generalized
+            Forces on this rank's nodes, including ghosts (dofs, k), N/m; work on each generalized
             strain (4, k).
         """
         wall = self._wall

@@ -1,6 +1,6 @@
-"""Faces borne by rolls, which bulge between them: an elastic foundation that moves with the slice.
+"""Support of faces by rolls, which bulge in between: an elastic foundation moving with the slice.
 
-What the foundation is at each moment comes from a `Foundation`, an object with two methods.
+A `Foundation`, an object with two methods, gives the foundation at each moment.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ from castfem.physics.contact.interaction import NOTHING_ADDED, Interaction, Moti
 from castfem.physics.contact.settings import ALWAYS, SurfaceInteraction, still
 
 Memory = Mapping[str, Array]
-POINTS = 3  # of a facet; as many as others have that act on the same facets, a wall say
+POINTS = 3  # per facet; as many as for other interactions with the same facets, such as a wall
 
 
 @dataclass(frozen=True, slots=True)
 class Bed:
-    """How rolls bear a face at one moment, see `castfem.forms.supports`.
+    """Support of a face by rolls at one moment, see `castfem.forms.supports`.
 
-    All are of the slice's place then, the same all over the face.
+    All values are those at the slice's position, constant over the face.
 
     Raises:
-        InputError: If the stiffness is negative, the share not one, or a value no number.
+        InputError: The stiffness is negative, `within` is not between 0 and 1, or a value is NaN.
     """
 
-    #: p that the shell hands on to the rolls where it is at rest, Pa: that of the core within, as
-    #: the slice's `Ferrostatic.pressure` gives it; nothing where it is solid
+    #: p transmitted by the shell to the rolls in the rest position, Pa: that of the liquid core, as
+    #: from the slice's `Ferrostatic.pressure`; zero where it is solid
     pressure: float = 0.0
-    stiffness: float = 0.0  #: K, Pa/m: of the order of the pressure over the bulge
-    bulge: float = 0.0  #: w of the middle of the face, outward, m; negative where the shell dips
-    #: s of the rolls, outward, from the face of the undeformed section, m: half of the change of
-    #: the aperture, and what a roll is out of line
+    stiffness: float = 0.0  #: K, Pa/m: of the order of pressure over bulge
+    bulge: float = 0.0  #: w at the middle of the face, outwards, m; negative where the shell dips
+    #: s of the rolls, outwards from the face of the undeformed section, m: half of the change of
+    #: the aperture, plus the misalignment of a roll
     offset: float = 0.0
-    #: c, the share of K that the face meets within its rest: that of the pressure which the shell
-    #: hands on. 1 under a liquid core, 0 of a solid strand, which rolls cannot pull.
+    #: c, the fraction of K within the rest position: that of the pressure that the shell transmits.
+    #: 1 with a liquid core, 0 for a solid strand, which rolls cannot pull
     within: float = 1.0
 
     def __post_init__(self) -> None:
@@ -63,46 +63,46 @@ class Bed:
 
     @property
     def rest(self) -> float:
-        """Where the face is at rest, outward, m."""
+        """Rest position of the face, outwards, m."""
         return self.bulge + self.offset
 
 
 class Foundation(Protocol):
-    """Tells the beds of a slice, step by step: what a model of bulging has to give.
+    """Gives the support of a slice step by step; the interface of bulging models.
 
-    It keeps nothing of its own that a step changes: steps are tried, refused and repeated. What it
-    has to remember from step to step, as the bulge of the pitch that the slice is in, is `memory`:
-    a dictionary of small arrays, the same on every rank. It is committed with the state, saved in
-    checkpoints and given back; it is never written into.
+    It has no state that a step changes, since steps are tried, rejected and repeated. What it must
+    remember between steps, such as the bulge of the present pitch, is in `memory`: a dictionary of
+    small arrays, equal on all ranks. It is committed with the state, saved in checkpoints and
+    passed back; it is never modified.
     """
 
     def initial(self) -> Memory:
-        """What it remembers at the meniscus; the same names and shapes as ever after."""
+        """Memory at the meniscus; names and shapes never change."""
 
     def beds(
         self, memory: Memory, start: float, end: float, before: Array, temperature: Array
     ) -> tuple[Mapping[str, Bed], Memory]:
-        """The beds at the end of a step, and what to remember if it is kept (collective).
+        """Return the beds at the end of a step, and the memory if it is accepted (collective).
 
-        It must depend on its arguments alone. Where p and K jump, from one pitch to the next, the
-        places stand in `RollSupport.knots`, and windows end there.
+        The result must depend only on the arguments. Where p and K jump, from one pitch to the
+        next, `RollSupport.knots` has the positions, and windows end there.
 
         Args:
-            memory: As the committed state has it.
-            start: Of the step, s.
-            end: Of the step, s.
-            before: Temperatures of this rank's own vertices at its start (owned,), K.
-            temperature: Likewise at its end, from which the shell's profile and the solid fraction
-                of the core come.
+            memory: Memory of the committed state.
+            start: Start of the step, s.
+            end: End of the step, s.
+            before: Temperatures of this rank's own vertices at the start (owned,), K.
+            temperature: Temperatures at the end, which give the shell's profile and the solid
+                fraction of the core.
 
         Returns:
-            A bed for each name in `RollSupport.on`, by that name, the same on every rank.
+            A bed for each name in `RollSupport.on`, by that name, equal on all ranks.
         """
 
 
 @runtime_checkable
 class StretchingFoundation(Foundation, Protocol):
-    """A foundation whose bulge strains the slice along the strand, too."""
+    """A foundation whose bulge also strains the slice along the strand."""
 
     def axial_strain(
         self,
@@ -114,21 +114,22 @@ class StretchingFoundation(Foundation, Protocol):
         *,
         front: bool = False,
     ) -> Array | None:
-        """Axial strain (n,) that bulging adds to the slice in a step; None for none.
+        """Axial strain (n,) added to the slice by bulging in a step; None for none.
 
         Args:
-            memory: As the committed state has it.
-            new: As `beds` made it.
-            start: Of the step, s.
-            end: Of the step, s.
-            places: In the undeformed section (n, 2), m.
-            front: Go on beyond the inside of the shell, as what freezes to it is strained along.
+            memory: Memory of the committed state.
+            new: Memory returned by `beds`.
+            start: Start of the step, s.
+            end: End of the step, s.
+            places: Places in the undeformed section (n, 2), m.
+            front: Continue beyond the inside of the shell, since material freezing to it is
+                strained as well.
         """  # fmt: skip
 
 
 @dataclass(frozen=True)
 class GivenFoundation:
-    """Beds that are given over time, and remember nothing."""
+    """Beds given as functions of time, without memory."""
 
     given: Mapping[str, Callable[[float], Bed]]  #: bed of each group over time, s
 
@@ -148,24 +149,25 @@ class RollSupport(SurfaceInteraction):
     """Support of boundary groups by rolls.
 
     Raises:
-        InputError: If the range is empty.
+        InputError: The range is empty.
     """
 
-    #: groups, such as "wide_face_intrados"; a name covers all that begin with it
+    #: groups, such as "wide_face_intrados"; a name matches all groups that begin with it
     on: tuple[str, ...]
-    foundation: Foundation  #: tells their beds
-    position: Callable[[float], float] = still  #: of the slice below the meniscus over time (s), m
-    #: first and last roll, m: a step that ends beyond the first, or at the last, is borne. Without
-    #: ends it holds the section in every step, and no point is held beside it.
+    foundation: Foundation  #: gives their beds
+    #: position of the slice below the meniscus over time (s), m
+    position: Callable[[float], float] = still
+    #: first and last roll, m: steps that end beyond the first, up to the last, are supported.
+    #: Without limits it restrains the section in every step, and no point is fixed besides
     between: tuple[float, float] = ALWAYS
-    #: further positions at which a coupling window has to end, m: rolls, say
+    #: further positions at which a coupling window must end, m, such as rolls
     knots: tuple[float, ...] = ()
-    #: whether the bed of a face above a liquid core pulls where the face is far within its rest;
-    #: otherwise the face leaves it
+    #: whether the bed of a face above a liquid core pulls where the face is far within its rest
+    #: position; otherwise the face leaves it
     pull: bool = True
-    points: int = POINTS  #: quadrature points a facet
-    #: groups of `on` whose beds have no stiffness in some of the steps: what they alone would hold
-    #: is left to points
+    points: int = POINTS  #: quadrature points per facet
+    #: groups of `on` whose beds have no stiffness in some steps: motions restrained only by them
+    #: are restrained by points
     loose: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -176,7 +178,7 @@ class RollSupport(SurfaceInteraction):
             )
 
     def active(self, time: float) -> bool:
-        """Whether a step that ends at `time` (s) is borne."""
+        """Whether a step that ends at `time` (s) is supported."""
         place, (first, last) = self.position(time), self.between
         return not same_or_before(place, first) and same_or_before(place, last)
 
@@ -187,11 +189,12 @@ class RollSupport(SurfaceInteraction):
 
 @dataclass(frozen=True, slots=True)
 class RollSupportState:
-    """What of a support by rolls belongs to the committed state."""
+    """Committed state of a support by rolls."""
 
-    beds: Mapping[str, Bed]  #: in force at its end, by name; of no stiffness while it does not act
-    memory: Memory  #: of the foundation
-    force: Array  #: that the beds bear, outward (groups named,), N per m of undeformed strand
+    #: beds at the end of the step, by name; without stiffness while the support is not active
+    beds: Mapping[str, Bed]
+    memory: Memory  #: memory of the foundation
+    force: Array  #: force on the beds, outwards (named groups,), N per m of undeformed strand
     moved: Array  #: mean displacement of each of the groups along its normal, m
     withdrawal_resistance: Array = field(default_factory=lambda: np.zeros(3))
 
@@ -209,12 +212,12 @@ class WinklerFoundation(Interaction):
 
     Args:
         section: The distributed section.
-        given: The support wanted.
-        solid: What the slice is made of.
+        given: Settings of the support.
+        solid: Material of the slice.
         motion: Displacement and generalized strains of the mechanical problem.
 
     Raises:
-        InputError: If a group does not exist.
+        InputError: A group does not exist.
     """
 
     name = "rolls"
@@ -234,7 +237,7 @@ class WinklerFoundation(Interaction):
         self._read: list[tuple[fem.Form, ...]] = []
 
     def _pressures(self) -> list[tuple[ufl.Measure, ufl.core.expr.Expr, ufl.core.expr.Expr]]:
-        """Surface of each group, its pressure f and the stiffness that it meets."""
+        """Surface of each group, its pressure f and its stiffness."""
         found = []
         for name, ds in self._faces.items():
             p, most, rest, within = self._values[name]
@@ -263,7 +266,7 @@ class WinklerFoundation(Interaction):
         return sum(parts[1:], parts[0])
 
     def always_held(self) -> tuple[Array, Array]:
-        """See `Interaction`: only rolls without a first and a last one hold in every step."""
+        """See `Interaction`: only rolls without limits restrain in every step."""
         firm = tuple(name for name in self.given.on if name not in self.given.loose)
         if self.given.between != ALWAYS or not firm:
             return super().always_held()
@@ -311,7 +314,7 @@ class WinklerFoundation(Interaction):
         return foundation.axial_strain(old.memory, new.memory, *span, places, front=True)
 
     def _readings(self) -> list[tuple[fem.Form, ...]]:
-        """Of each group: force along its normal, integral of its displacement, length."""
+        """Integrals for each group: force along its normal, displacement, length."""
         mesh, found = self.section.mesh, []
         normal = Direction(None, ufl.FacetNormal(mesh), None)
         for ds, f, _ in self._pressures():

@@ -1,4 +1,4 @@
-"""Settings of what acts on the surface of a slice, and of contact with a wall.
+"""Settings of the interactions with the surface of a slice, and of contact with a wall.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -21,34 +21,34 @@ if TYPE_CHECKING:
 
 
 ALWAYS = (float("-inf"), float("inf"))
-"""Range of positions of what acts on the whole way, m."""
+"""Range of an interaction along the whole strand, m."""
 
 
 class SurfaceInteraction(ABC):
-    """Settings of something that acts on boundary groups; what they leave out is as it is here."""
+    """Settings of an interaction with boundary groups, with defaults."""
 
     @property
     def between(self) -> tuple[float, float]:
-        """Positions between which it may act, m; a coupling window ends at each."""
+        """Positions between which it may be active, m; a coupling window ends at each."""
         return ALWAYS
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Further positions at which a window has to end, m."""
+        """Further positions at which a window must end, m."""
         return ()
 
     @property
     def holds(self) -> bool:
-        """Whether it bears loads that are not in equilibrium, as a wall does.
+        """Whether it carries loads that are not in equilibrium, like a wall.
 
-        Motions as a rigid body that nothing else holds then are left to it, and to weak springs for
-        the time that it does not act: points held rigidly would bear its share.
+        Rigid body motions without another restraint are left to it, and to weak springs while it is
+        not active: rigidly fixed points would carry part of its load.
         """
         return True
 
     @property
     def holds_liquid(self) -> bool:
-        """Whether it holds liquid that comes to the surface."""
+        """Whether it contains liquid that reaches the surface."""
         return False
 
     @property
@@ -58,45 +58,46 @@ class SurfaceInteraction(ABC):
 
     @abstractmethod
     def build(self, section: Section, solid: Solid, motion: Motion) -> Interaction:
-        """What computes it on a section (collective).
+        """Build the object that computes it on a section (collective).
 
         Raises:
-            InputError: If a group does not exist.
+            InputError: A group does not exist.
         """
 
 
 METHODS = ("penalty", "nitsche")
 FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/contact.md
 # Nitsche's tangent of elastic steel is coercive from 8.1 on at Poisson's ratio 0.4, that of the
-# solidus; cells thinner than the mean one ask for more.
+# solidus; cells thinner than average need more.
 LEAST_NITSCHE = 9.0
 
 
 def still(time: float) -> float:
-    """Nothing moves, at any time."""
+    """Return 0 at any time: no motion."""
     return 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Contact(SurfaceInteraction):
-    """Contact of boundary groups with a rigid wall.
+    """Settings of contact between boundary groups and a rigid wall.
 
     Raises:
-        InputError: If a value is not possible.
+        InputError: A value is impossible.
     """
 
     wall: Wall  #: the wall
-    on: tuple[str, ...]  #: groups; a name covers all that begin with it
-    position: Callable[[float], float] = still  #: of the slice below the meniscus over time (s), m
+    on: tuple[str, ...]  #: groups; a name matches all groups that begin with it
+    #: position of the slice below the meniscus over time (s), m
+    position: Callable[[float], float] = still
     method: Literal["penalty", "nitsche"] = "penalty"  #: "penalty" (239) or "nitsche"
-    #: contact stiffness K_p over bulk modulus (of the place and moment) / mean height of the
-    #: surface cells; `FACTOR` if None
+    #: contact stiffness K_p over bulk modulus (local and present) / mean height of the surface
+    #: cells; `FACTOR` if None
     factor: float | None = None
-    friction: Friction | None = None  #: law; None for a wall without friction
-    #: displacement of the wall itself along the strand over time (s), m: its oscillation
+    friction: Friction | None = None  #: friction law; None for a wall without friction
+    #: displacement of the wall along the strand over time (s), m: its oscillation
     stroke: Callable[[float], float] = still
-    #: quadrature points a facet; two for each of the two displacements that a facet adds to the
-    #: surface is as many as can be met by a wall of any shape
+    #: quadrature points per facet; two, one for each of the two displacements that a facet adds to
+    #: the surface, are the most that can meet a wall of any shape
     points: int = 2
 
     def __post_init__(self) -> None:
@@ -110,12 +111,12 @@ class Contact(SurfaceInteraction):
 
     @property
     def strength(self) -> float:
-        """Factor, the usual one if none is given."""
+        """The factor, with its default."""
         return FACTOR if self.factor is None else self.factor
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tangent is, at small strain."""
+        """Whether the tangent is symmetric at small strain."""
         return self.method == "penalty" and self.friction is None
 
     @property

@@ -1,4 +1,4 @@
-"""The committed state of contact, also in a checkpoint; that of one set of unknowns; a summary."""
+"""Contact states: the committed one, its checkpoint, one evaluation, and a summary."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ if TYPE_CHECKING:
 
 
 OPEN, STICK, SLIP = 0, 1, 2
-CONTACT = "contact."  # before the names of its numbers among those of the whole slice
+CONTACT = "contact."  # prefix of its arrays among those of the whole slice
 
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
-    """State at this rank's facet points; nothing ever writes into its arrays."""
+    """State at this rank's facet points; its arrays are never modified."""
 
-    #: on the strand, in the plane along (-n_y, n_x) and along the strand (n, 2), Pa
+    #: friction on the strand, in the plane along (-n_y, n_x) and along the strand (n, 2), Pa
     friction: Array
-    #: axial force of the friction that has acted on the strand so far, N, and its moments with x
-    #: and y, N m, (3,)
+    #: accumulated axial force of friction on the strand, N, and its moments with x and y, N m, (3,)
     withdrawal_resistance: Array
-    stress: Array  #: at the points, Mandel (n, 4), Pa; no rows with the penalty, which needs none
-    internal: Array  #: what the law remembers there (n, states); likewise
-    place: Array  #: where the points are now (n, 2), m
-    normal: Array  #: of the wall there (n, 2)
-    gap: Array  #: distance to the wall along its normal (n,), m; inf where none is met
+    #: stress at the points, Mandel (n, 4), Pa; no rows with the penalty, which needs none
+    stress: Array
+    internal: Array  #: state variables of the law there (n, states); likewise
+    place: Array  #: present positions of the points (n, 2), m
+    normal: Array  #: normal of the wall there (n, 2)
+    gap: Array  #: distance to the wall along its normal (n,), m; inf without a wall
     pressure: Array  #: contact pressure (n,), Pa
-    #: `OPEN`, `STICK` or `SLIP` (n,); without friction, as liquid, what touches slips
+    #: `OPEN`, `STICK` or `SLIP` (n,); touching points without friction, such as liquid ones, slip
     status: npt.NDArray[np.int8]
     weight: Array  #: length of surface of each point (n,), m
 
     def numbers(self) -> dict[str, Array]:
-        """All but the status, by its name with "contact." before it."""
+        """All arrays except the status, by name with the prefix "contact."."""
         names = (one.name for one in fields(self) if one.name != "status")
         return {f"{CONTACT}{name}": getattr(self, name) for name in names}
 
 
 @dataclass(slots=True)
 class ContactEvaluation:
-    """Contact at one set of unknowns, by facet point; most names are those of `ContactState`."""
+    """Contact for one set of unknowns, by facet point; most names are those of `ContactState`."""
 
     place: Array
     normal: Array
@@ -54,32 +54,33 @@ class ContactEvaluation:
     friction: Array
     closed: Flags  #: whether points touch
     slides: Flags  #: whether they slide
-    stretch: Array  #: length of surface over undeformed length
-    coefficients: Array  #: what the forms see (n, columns)
-    strain: Array  #: increment (n, 4), of Nitsche's law
+    stretch: Array  #: length of surface relative to the undeformed length
+    coefficients: Array  #: coefficients of the forms (n, columns)
+    strain: Array  #: strain increment (n, 4), for Nitsche's method
 
 
 @dataclass(frozen=True, slots=True)
 class ContactSummary:
-    """Contact of the whole section at one moment."""
+    """Contact of the whole section at one time."""
 
     pressure: float  #: largest contact pressure at a point, Pa
-    #: largest mean over a length of the surface (`castfem.physics.contact.facets`), Pa
+    #: largest average over a length of the surface (`castfem.physics.contact.facets`), Pa
     mean_pressure: float
-    penetration: float  #: largest, m; 0 if nothing touches
-    gap: float  #: largest gap to a wall that is met, m; 0 if none is open
-    #: of the wall on the strand, x and y, friction included, N per m of undeformed strand, as those
-    #: of the supports
+    penetration: float  #: largest penetration, m; 0 without contact
+    gap: float  #: largest gap to a wall, m; 0 if none is open
+    #: force of the wall on the strand, x and y, including friction, N per m of undeformed strand,
+    #: like those of the supports
     force: Array
-    axial: float  #: friction along the strand, N per m of it as it is, negative as it holds it back
-    length: float  #: of surface that touches, m
-    share: float  #: of the surface that could
-    #: part of the surface that could touch that does and sticks; None without friction
+    #: friction along the strand, N per m of deformed strand, negative if it holds the strand back
+    axial: float
+    length: float  #: length of surface in contact, m
+    share: float  #: fraction of the possible contact surface in contact
+    #: fraction of the possible contact surface that sticks; None without friction
     sticking: float | None
-    points: tuple[int, int, int]  #: numbers of points that are open, stick and slip
-    highest: Array  #: where the pressure is largest (2,), m
-    highest_mean: Array  #: where its mean is (2,), m
-    widest: Array  #: where the gap is (2,), m
+    points: tuple[int, int, int]  #: numbers of open, sticking and sliding points
+    highest: Array  #: place of the largest pressure (2,), m
+    highest_mean: Array  #: place of the largest average pressure (2,), m
+    widest: Array  #: place of the largest gap (2,), m
 
 
 BY_POINT = ("friction", "stress", "internal", "place", "normal", "gap", "pressure", "status",
@@ -87,12 +88,13 @@ BY_POINT = ("friction", "stress", "internal", "place", "normal", "gap", "pressur
 
 
 class ContactCheckpoint:
-    """Takes a `ContactState` apart for a checkpoint, and puts it together again.
+    """Converts a `ContactState` for a checkpoint, and back.
 
-    Arrays are kept facet by facet, ordered by cell of the input mesh and place in the cell.
+    Arrays are stored facet by facet, ordered by cell of the input mesh and local index of the
+    facet.
 
     Args:
-        facets: Whose states these are (collective).
+        facets: Facets of the states (collective).
     """
 
     def __init__(self, facets: Facets) -> None:
@@ -103,7 +105,7 @@ class ContactCheckpoint:
         self._count, self._where = len(every), np.searchsorted(every, own)
 
     def arrays(self, state: ContactState) -> dict[str, Array | None]:
-        """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
+        """Arrays of `state`, complete on rank 0, None elsewhere (collective)."""
         found: dict[str, Array | None] = {}
         for name in BY_POINT:
             values = np.asarray(getattr(state, name), float)
@@ -121,11 +123,11 @@ class ContactCheckpoint:
         return found
 
     def state(self, arrays: dict[str, Array], like: ContactState) -> ContactState:
-        """The state of `arrays`, which every rank has.
+        """Restore the state from `arrays`, which are on every rank.
 
         Args:
-            arrays: As `arrays` gave them.
-            like: A state of the same problem, for what is empty.
+            arrays: Result of `arrays`.
+            like: A state of the same problem, for empty arrays.
         """
         rows = {}
         for name in BY_POINT:

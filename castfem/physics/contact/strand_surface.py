@@ -1,4 +1,4 @@
-"""Where points of the strand's surface are, which way they face, and how far off a wall is."""
+"""Geometry of the strand's surface: positions and normals of its points, distance to a wall."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ class Met:
 
     moved: Array  #: displacement of the points (n, 2), m
     strand: Array  #: outward normal of the strand (n, 2)
-    near: Array  #: places on a raster (n, 2), m
-    found: GapFunction  #: what was met from there
+    near: Array  #: points of the raster nearest to them (n, 2), m
+    found: GapFunction  #: result of the gap search from there
 
     @property
     def facing(self) -> Array:
-        """Cosine between the normals of wall and strand (n,)."""
+        """Cosine of the angle between the normals of wall and strand (n,)."""
         return np.einsum("ni,ni->n", np.asarray(self.found.normal), self.strand)
 
 
 class StrandSurface:
-    """The points of some facets, as the slice moves.
+    """The points of some facets on the moving slice.
 
     Args:
         section: The distributed section.
         facets: The points.
-        motion: Has the space of the displacement.
-        large: Whether geometry is that of the deformed slice.
+        motion: Gives the space of the displacement.
+        large: Whether the geometry is that of the deformed slice.
 
     Attributes:
         gradients: Operator from displacement to its gradient at the points.
@@ -56,7 +56,7 @@ class StrandSurface:
         """Displacement of the points (n, 2), m.
 
         Args:
-            u: Displacement of this rank's nodes, ghosts included, m.
+            u: Displacement of this rank's nodes, including ghosts, m.
             generalized_strains: Generalized strains (4,).
         """
         moved: Array = (self._moves @ u).reshape(-1, 2)
@@ -64,7 +64,7 @@ class StrandSurface:
         return moved
 
     def changes(self, u: Array, generalized_strains: Array) -> Array:
-        """The same of k motions (dofs, k) and (4, k): (n, 2, k)."""
+        """The same for k motions (dofs, k) and (4, k): (n, 2, k)."""
         found = (self._moves @ u).reshape(len(self._facets.position), 2, u.shape[1])
         found[:, 1] += np.outer(self._facets.position[:, 1], generalized_strains[3])
         return np.asarray(found)
@@ -73,7 +73,7 @@ class StrandSurface:
         """Outward normal of the strand (n, 2), and length of surface over undeformed length.
 
         Args:
-            u: Displacement of this rank's nodes, ghosts included, m.
+            u: Displacement of this rank's nodes, including ghosts, m.
             generalized_strains: Generalized strains (4,).
         """
         normal = self._facets.normal
@@ -92,11 +92,11 @@ class StrandSurface:
         return turned / stretch[:, None], stretch
 
     def meet(self, wall: Wall, position: float, moved: Array, strand: Array) -> Met:
-        """Meet a wall from places on a fine raster near those of the points.
+        """Find the wall from points on a fine raster next to the points of the surface.
 
         Args:
             wall: The wall.
-            position: Of the slice below the meniscus, m.
+            position: Position of the slice below the meniscus, m.
             moved: Displacement of the points (n, 2), m.
             strand: Outward normal of the strand (n, 2).
         """
@@ -107,8 +107,8 @@ class StrandSurface:
     def gap_to(self, met: Met) -> tuple[Array, Array, Array]:
         """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
 
-        The rest of the way is added to what was met from the raster: the distance then is as exact
-        as the displacement, not as the position, which is a thousand times larger.
+        The distance from the raster point is added to the gap found there, so that the gap is as
+        accurate as the displacement, not as the position, which is a thousand times larger.
 
         Args:
             met: Where the wall is met.
@@ -120,6 +120,6 @@ class StrandSurface:
         return n, np.where(open_, gap, np.inf), np.where(open_, met.found.curvature, 0.0)
 
     def forces(self, tractions: Array) -> Array:
-        """What tractions (n, 2, k), Pa, do to this rank's nodes, ghosts included, N/m (dofs, k)."""
+        """Forces of tractions (n, 2, k), Pa, on this rank's nodes and ghosts, N/m (dofs, k)."""
         loads = self._facets.weight[:, None, None] * tractions
         return np.asarray(self._moves.T @ loads.reshape(-1, loads.shape[2]))

@@ -1,4 +1,4 @@
-"""What contact has come to: one summary."""
+"""Summary of the contact of a slice."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def summary(
     """Contact of the whole section (collective).
 
     Args:
-        contact: Whose state it is.
-        state: Contact at the facets' points.
-        generalized_strains: Generalized strains (4,), of which the slice's thickness comes.
+        contact: Contact of the slice.
+        state: State of the contact.
+        generalized_strains: Generalized strains (4,), which give the slice's thickness.
     """
     comm, touches = contact.section.comm, state.status != OPEN
     weight, force = state.weight, -state.pressure[:, None] * state.normal
@@ -37,7 +37,7 @@ def summary(
             weight @ (state.status == STICK),
         ],
     )
-    # Of what touches and what does not: where all touches, the share is 1 to the last digit.
+    # Sum of touching and open parts: with complete contact the fraction is exactly 1.
     length = float(sums[3])
     whole = length + float(sums[4])
     met = np.where(np.isfinite(state.gap), state.gap, -np.inf)

@@ -1,7 +1,7 @@
-"""What of a strand's surface is solid in a step, and what its liquid does at the wall.
+"""Solid and liquid parts of the strand's surface in a step, and the liquid at the wall.
 
-Liquid that is fed runs to the wall wherever that is, and presses on it with the pressure of its
-depth; friction is borne by what is solid, and so is the stress that Nitsche's method asks for.
+Fed liquid runs to the wall wherever it is, and presses on it with its ferrostatic pressure;
+friction acts only on solid, and so does the stress in Nitsche's method.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from castfem.physics.contact.interaction import Solid
 
 @dataclass(frozen=True, slots=True)
 class SurfaceTemperatures:
-    """From temperatures of the vertices to those of the surface."""
+    """Operators from temperatures of the vertices to those of the surface."""
 
     facets: Facets  #: points of the surface
     at_vertices: sparse.csr_matrix  #: operator from vertex values to the points
-    #: operator to their gradient there; None where no fed liquid meets friction
+    #: operator to the gradient at the points; None unless fed liquid meets friction
     slopes: sparse.csr_matrix | None
 
     @classmethod
     def at(cls, facets: Facets, slopes: bool) -> SurfaceTemperatures:
-        """Those of some facets (collective)."""
+        """Return the operators for some facets (collective)."""
         space = facets.section.vertex_space
         trial = ufl.TrialFunction(space)
         own = facets.operator(trial, space)
@@ -47,26 +47,27 @@ class SurfaceTemperatures:
         assert self.slopes is not None
         slope = (self.slopes @ local).reshape(-1, 2)
         outward = np.einsum("ni,ni->n", slope, self.facets.normal)
-        # Of the height of surface cells: the first of two Gauss points, those of the mean stress.
+        # Relative to the height of surface cells: the first of two Gauss points, those of the mean
+        # stress.
         skin = 0.5 - 0.5 / 3.0**0.5
         return np.asarray(surface - skin * self.facets.height * outward)
 
 
 class SurfaceLiquid:
-    """The surface of one slice, liquid and solid, a step at a time.
+    """Liquid and solid points of the surface of one slice, one step at a time.
 
     Args:
         surface: Temperatures at its points.
-        solid: What the slice is made of.
-        has_friction: Whether there is friction to be borne.
-        like: Another slice on the same mesh: what is molten or liquid there is so here.
+        solid: Material of the slice.
+        has_friction: Whether there is friction.
+        like: Another slice on the same mesh, which determines where it is molten or liquid.
 
     Attributes:
         surface: As given.
         temperatures: At the points (n,), at the start and the end of the step, K.
-        molten: Points that bear no friction (n,); none in a step without friction.
-        fed: Whether the liquid is.
-        pool: Pressure of fed liquid that is at the surface (n,), Pa; 0 elsewhere.
+        molten: Points that carry no friction (n,); all False in a step without friction.
+        fed: Whether the liquid is fed.
+        pool: Pressure of fed liquid that reaches the surface (n,), Pa; 0 elsewhere.
     """
 
     def __init__(
@@ -89,10 +90,10 @@ class SurfaceLiquid:
         """Prepare a step (collective).
 
         Args:
-            gap: To the wall at its start (n,), m.
+            gap: Gap to the wall at its start (n,), m.
             before: Temperatures of the owned vertices at its start, K.
-            after: At its end, K.
-            end: Of the step, s.
+            after: Temperatures at its end, K.
+            end: End of the step, s.
         """
         surface = self.surface
         space = surface.facets.section.vertex_space
@@ -112,14 +113,13 @@ class SurfaceLiquid:
             self.pool = np.zeros(len(new))
             if self._fluid.any():
                 self.pool = np.where(self._fluid, self._pressure(new), 0.0)
-            leak = 1e-4  # m: a gap across which liquid at the surface still runs to the wall
+            leak = 1e-4  # m: gap across which liquid at the surface still runs to the wall
             self._opened = self._fluid & (old <= solidity.coherent) & (gap > leak)
 
     def breakout(self) -> str:
-        """Where the shell melts open off the wall in a step; empty if nowhere (collective).
+        """Place where the shell melts open off the wall in a step; "" if nowhere (collective).
 
-        Fed liquid would run out there until the wall or its own freezing stops it, which is another
-        model's.
+        Fed liquid would run out there until the wall or freezing stops it, which is not modelled.
         """
         facets, comm = self.surface.facets, self.surface.facets.section.comm
         gap = np.where(self._opened, self._gap, -np.inf)
@@ -136,11 +136,10 @@ class SurfaceLiquid:
         )
 
     def of_stress(self) -> tuple[tuple[Array, Array], Array]:
-        """Temperatures at which Nitsche's stress is taken, K, and the pressure in it, Pa.
+        """Temperatures for Nitsche's stress, K, and the liquid's pressure in it, Pa.
 
-        Where liquid is fed they are the largest in each cell: one that has not frozen as a whole
-        has hardly any stiffness, and a stress that the surface alone would have by the same strain
-        would have no counterpart in it.
+        With fed liquid they are the largest in each cell: a cell that has not frozen completely has
+        hardly any stiffness, and a stress only at its surface would have no counterpart inside.
         """
         if not self.fed:
             return self.temperatures, self._pressure(self.temperatures[1])
@@ -148,7 +147,7 @@ class SurfaceLiquid:
         return (old, new), self._pressure(new)
 
     def _pressure(self, temperature: Array) -> Array:
-        """Ferrostatic pressure (n,), Pa, less what is held from outside beside the wall."""
+        """Ferrostatic pressure (n,), Pa, minus pressure held from outside except by the wall."""
         liquid = self._solid.ferrostatic
         if liquid is None:
             return np.zeros(len(temperature))

@@ -1,6 +1,6 @@
-"""Stress of the solid at the facets' points, which Nitsche's method asks for.
+"""Stress of the solid at the facets' points, for Nitsche's method.
 
-The constitutive law has a further rule of points there, with a state of its own.
+The constitutive law is evaluated at these additional points, with their own state.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Deformations = tuple[finite_strain.Deformation, finite_strain.Deformation]
 
 @dataclass(frozen=True, slots=True)
 class SurfaceStrain:
-    """How the facets' points are strained by the motion, whatever the law."""
+    """Strain of the facets' points from the motion, for any law."""
 
     gradients: sparse.csr_matrix  #: operator from displacement to its gradient at the points
-    thickness: Array  #: strain zz at the points by a0, a1 and a2 (n, 3)
+    thickness: Array  #: strain zz at the points from a0, a1 and a2 (n, 3)
     motion: Motion  #: displacement and generalized strains
-    #: gives increments and turning over a step at large strain; None at small
+    #: function that gives increments and rotation over a step at large strain; None at small
     step: Callable[[], Array] | None
 
     @classmethod
@@ -40,13 +40,13 @@ class SurfaceStrain:
         motion: Motion,
         step: Deformations | None,
     ) -> SurfaceStrain:
-        """That of some facets (collective); `step`: Deformation at the end and the start."""
+        """Return that of some facets (collective); `step`: deformations at end and start."""
         thickness = np.column_stack([np.ones(facets.count), facets.position])
         found = None if step is None else facets.tabulate(finite_strain.increment(*step))
         return cls(gradients, thickness, motion, found)
 
     def increments(self, change: Array, generalized_strains: Array) -> Array:
-        """Strain at the points (n, 4) of small changes of displacement and generalized strains."""
+        """Strain at the points (n, 4) for small changes of displacement and generalized strains."""
         g = (self.gradients @ change).reshape(-1, 4)
         return np.column_stack(
             [
@@ -58,7 +58,7 @@ class SurfaceStrain:
         )
 
     def of_step(self) -> tuple[Array, Array | None]:
-        """Increments of the step (n, 4), and the angles the material turns by; None for none."""
+        """Increments of the step (n, 4), and the rotation angles of the material; None for none."""
         if self.step is not None:
             found = self.step().reshape(-1, 5)
             return np.ascontiguousarray(found[:, :4]), 2.0 * np.arctan(0.5 * found[:, 4])
@@ -72,12 +72,12 @@ class SurfaceStress:
     """The constitutive law at the facets' points, one step at a time.
 
     Args:
-        strained: How the points are strained.
+        strained: Strain of the points.
         law: Constitutive law.
 
     Attributes:
-        strained: As given. response: What the law answered last.
-        strain: Increments it was asked about (n, 4).
+        strained: As given. response: Last response of the law.
+        strain: Strain increments of that response (n, 4).
         liquid: Ferrostatic pressure at the points at the end of the step (n,), Pa.
     """
 
@@ -101,8 +101,8 @@ class SurfaceStress:
             old: Committed state.
             temperatures: At the points, at start and end of the step, K.
             liquid: Ferrostatic pressure at the points at its end, Pa.
-            dt: Its length, s.
-            solid: Has the thermal strain.
+            dt: Duration, s.
+            solid: Gives the thermal strain.
         """
         before, after = temperatures
         strain = solid.thermal_strain
@@ -112,7 +112,7 @@ class SurfaceStress:
         self.liquid = liquid
 
     def integrate(self, strain: Array, stress_old: Array, internal: Array) -> Response:
-        """What the law answers to increments (n, 4) from an old stress and state."""
+        """Response of the law to increments (n, 4) from an old stress and state."""
         step = MaterialStep(strain, self._thermal, *self._temperatures, self._dt)
         self._law.integrate(
             step, stress_old, internal, coefficients=self._coefficients, out=self.response
@@ -123,8 +123,9 @@ class SurfaceStress:
         """Stress along `normal` (n, 2) and its derivatives.
 
         Returns:
-            n . sigma n (n,), ferrostatic pressure included; its derivative by the strain (n, 4) and
-            by the angle at which the stress turns (n,).
+            n . sigma n (n,), including ferrostatic pressure; its derivatives by the strain (n, 4)
+                and
+            by the angle of rotation of the stress (n,).
         """
         self.strain, angle = self.strained.of_step()
         stress_old, internal = self._old.stress, self._old.internal

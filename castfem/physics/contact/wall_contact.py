@@ -1,7 +1,7 @@
-"""Contact of one slice with its wall: what the wall does to the surface, and how that changes.
+"""Contact of one slice with its wall: traction on the surface, and its derivatives.
 
 Everything is evaluated at the facets' quadrature points with numpy; the forms of
-`castfem.forms.contact` see the results as functions.
+`castfem.forms.contact` use the results as functions.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from castfem.physics.contact.surface_liquid import SurfaceLiquid
 from castfem.physics.contact.surface_stress import SurfaceStress
 from castfem.physics.contact.wall_surface import WallSurface
 
-# Columns of what the forms see.
+# Columns of the coefficients of the forms.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 STIFFNESS, BY_STRAIN, BY_TURN, POOL, WIDTH = 11, slice(12, 16), 16, 17, 18
 
@@ -43,25 +43,27 @@ class WallContact(DifferentiableInteraction):
 
     Args:
         section: The distributed section.
-        contact: The contact wanted.
-        solid: What the slice is made of.
+        contact: Settings of the contact.
+        solid: Material of the slice.
         motion: Displacement and generalized strains of the mechanical problem.
-        like: Of another slice on the same mesh, whose surface it shares: this one is not evaluated.
+        like: Contact of another slice on the same mesh, whose surface is shared; this one is not
+            evaluated.
 
     Attributes:
-        surface: What it shares with others. facets: Points.
-        strand: Where they are, and how far off the wall is.
+        surface: Data shared with other slices. facets: The points.
+        strand: Geometry of the points, and distance to the wall.
         symmetric: Whether contact leaves a symmetric tangent symmetric.
         at_vertices: Operator from vertex values to the points.
-        liquid: What of the surface is solid in the step, and what its liquid does.
-        stiffness: K_p of the step at the points (n,), Pa/m.
-        position: Of the slice at its end, below the meniscus, m. duration: Of the step, s.
-        slip: Along the strand, over the step, m.
-        stress: Of the solid at the points, for Nitsche's method; None with the penalty.
-        now: What was evaluated last.
+        liquid: Solid and liquid points of the surface in the step.
+        stiffness: Stiffness K_p of the step at the points (n,), Pa/m.
+        position: Position of the slice at its end, below the meniscus, m. duration: Duration of the
+            step, s.
+        slip: Slip along the strand over the step, m.
+        stress: Stress of the solid at the points, for Nitsche's method; None with the penalty.
+        now: Result of the last evaluation.
 
     Raises:
-        InputError: If a group does not exist.
+        InputError: A group does not exist.
     """
 
     name = "contact"
@@ -92,15 +94,15 @@ class WallContact(DifferentiableInteraction):
         self.now: ContactEvaluation | None = None
 
     def of_slice(self, given: Contact, solid: Solid) -> WallContact:
-        """See `DifferentiableInteraction`: what is liquid here is so there."""
+        """See `DifferentiableInteraction`."""
         return WallContact(self.section, given, solid, self._motion, self)
 
     @property
     def travel(self) -> float:
-        """How far the strand goes down in the step, m."""
+        """Travel of the strand in the step, m."""
         return float(self._travel.value)
 
-    # What the mechanical problem compiles.
+    # Forms compiled by the mechanical problem.
 
     def virtual_work(self, virtual: Direction) -> ufl.Form:
         """See `Interaction`."""
@@ -115,7 +117,7 @@ class WallContact(DifferentiableInteraction):
         )
 
     def _wall_action(self) -> forms.WallAction:
-        """What the forms see."""
+        """The action of the wall, for the forms."""
         f, nitsche = self.surface.given.function, self.stress is not None
         return forms.WallAction(
             traction=_part(f, TRACTION),
@@ -131,7 +133,7 @@ class WallContact(DifferentiableInteraction):
     # A step.
 
     def initial(self) -> ContactState:
-        """Of a strand that has never touched anything."""
+        """State of a strand that has never touched anything."""
         n, law = self.facets.count, self._solid.law
         rows = 0 if self.stress is None else n
         return ContactState(
@@ -159,9 +161,9 @@ class WallContact(DifferentiableInteraction):
         self._travel.value = travelled
         self.slip = travelled - (contact.stroke(end) - contact.stroke(start))
         self.liquid.begin(old.gap, before, after, end)
-        # Not the tangent's, which of a point that freezes within the step has a share alone.
-        # Liquid presses with what its depth gives, not with its stiffness: it is met as the solid
-        # that it becomes, or what it sank into the wall would be pushed out as it freezes.
+        # Not from the tangent, of which a point that freezes within the step has only a part.
+        # Liquid presses with its ferrostatic pressure, not with its stiffness, but is met with the
+        # stiffness of the solid: otherwise its penetration would be pushed out when it freezes.
         elasticity, surface = solid.law.elasticity, self.liquid.temperatures[1]
         bulk = elasticity.moduli(np.minimum(surface, elasticity.solidity.solidus))[1]
         self.stiffness: Array = np.asarray(
@@ -173,11 +175,11 @@ class WallContact(DifferentiableInteraction):
             self.stress.begin(old, *self.liquid.of_stress(), self.duration, solid)
 
     def gap(self, position: float, displacement: Array, generalized_strains: Array) -> Array:
-        """Distance to the wall along its normal at the points (n,), m; inf where none is met.
+        """Distance to the wall along its normal at the points (n,), m; inf without a wall.
 
         Args:
-            position: Of the slice below the meniscus, m.
-            displacement: Of all nodes of this rank, m.
+            position: Position of the slice below the meniscus, m.
+            displacement: Displacement of all nodes of this rank, m.
             generalized_strains: Generalized strains (4,).
         """
         surface = self.strand
@@ -190,10 +192,10 @@ class WallContact(DifferentiableInteraction):
         return self.liquid.breakout()
 
     def evaluate(self) -> float:
-        """Meet the wall with the displacement and the generalized strains the fields hold.
+        """Evaluate contact for the present displacement and generalized strains.
 
         Returns:
-            Stress that rounding of positions makes at the stiffest point, Pa.
+            Stress at the stiffest point from rounding of positions, Pa.
         """
         motion, surface = self._motion, self.strand
         moved = surface.moved(motion.u.x.array, motion.generalized_strains.value)
@@ -216,19 +218,20 @@ class WallContact(DifferentiableInteraction):
             drawn[wets] = -self.stiffness[wets] * near[wets]
             by_strain[wets], by_turn[wets] = 0.0, 0.0
         pressure = np.where(self._kept_closed | wets, drawn, pressure)
-        # What just touches holds, too: a block laid on a wall would have no support at first.
+        # Points that just touch count as closed: otherwise a block laid on a wall would have no
+        # support at first.
         closed = (drawn >= 0.0) | self._kept_closed | wets
         coefficients: Array = np.zeros((self.facets.count, WIDTH))
         coefficients[:, NORMAL], coefficients[:, STIFFNESS] = n, self.stiffness * closed
         if self.stress is not None:
             coefficients[:, BY_STRAIN] = by_strain * closed[:, None]
             coefficients[:, BY_TURN] = by_turn * closed
-        # The pool's pressure along the strand's own normal balances that inside to the last digit:
-        # along the wall's, the difference would push a surface without stiffness round its arcs.
+        # The liquid's pressure along the strand's own normal exactly balances that inside: along
+        # the wall's normal, the difference would push a surface without stiffness round its arcs.
         borne = pressure[:, None] * n + pool[:, None] * strand
         coefficients[:, TRACTION.start : 2] = -borne
         coefficients[:, POOL] = pool
-        # Along a hollow wall the pressure turns against what slides.
+        # Along a concave wall the pressure turns against sliding points.
         along = np.column_stack([-n[:, 1], n[:, 0]])
         coefficients[:, BY_SLIP.start : BY_SLIP.stop - 1] = -(curvature * pressure)[:, None] * along
         coefficients[:, BY_PRESSURE.start : 5] = -n
@@ -250,10 +253,10 @@ class WallContact(DifferentiableInteraction):
     def _with_friction(
         self, coefficients: Array, along: Array, slip: Array, pressure: Array
     ) -> tuple[Flags, Array]:
-        """Add friction to what the forms see; whether points slide, and their friction.
+        """Add friction to the coefficients of the forms; return sliding points and their friction.
 
-        It acts on what is solid: liquid and mushy zone have nothing that could be held back.  Where
-        liquid is fed the cell must have solid points below the surface, which carry it.
+        It acts on solid points: liquid and mushy zone cannot be held back. With fed liquid the cell
+        must have solid points below the surface, which carry it.
         """
         assert self.contact.friction is not None
         moved = np.column_stack(
@@ -279,13 +282,13 @@ class WallContact(DifferentiableInteraction):
         if on:
             before = self._motion.u_old.x.array, self._motion.generalized_strains_old.value
             gap = self.gap(self.position, *before)
-            # A wall farther away than this share of the surface cells holds nothing.
+            # A wall farther away than this fraction of the height of surface cells is not held.
             self._kept_closed = (self._old.pressure > 0.0) & (gap < 0.01 * self.surface.height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 
     @property
     def status(self) -> tuple[Flags, Flags]:
-        """Which points (n,) touched when they were evaluated last, and which slid."""
+        """Points (n,) that touched at the last evaluation, and points that slid."""
         assert self.now is not None
         return self.now.closed, self.now.slides
 
@@ -294,12 +297,12 @@ class WallContact(DifferentiableInteraction):
         return self.now
 
     def kink(self, base: ContactEvaluation | None) -> float:
-        """How far the pressure is from what its tangent at `base` foresaw for the motion since (N).
+        """Deviation of the pressure from its linear prediction at `base` for the motion since (N).
 
-        Friction is left out: a surface that turns round against it has gone too far.
+        Friction is left out: it would detect a surface that has turned too far against it.
 
         Returns:
-            The work that the pressure does against the motion, as it is, less as foreseen, N/m
+            Work of the pressure in the motion minus its linear prediction, N/m
             times m (collective).
         """
         now = self.now
@@ -338,7 +341,7 @@ class WallContact(DifferentiableInteraction):
 
     @cached_property
     def mean(self) -> SurfaceMean:
-        """Means over a length of the surface (collective when it is first asked for)."""
+        """Averages over a length of the surface (collective at first use)."""
         return SurfaceMean(self.facets)
 
     def thickness(self, state: ContactState, generalized_strains: Array) -> Array:
@@ -348,7 +351,7 @@ class WallContact(DifferentiableInteraction):
         return np.asarray(1.0 + self._lever(state.place) @ generalized_strains[:3])
 
     def state(self) -> ContactState:
-        """The state that was evaluated last (collective)."""
+        """The state of the last evaluation (collective)."""
         now = self.now
         assert now is not None
         closed = now.pressure > 0.0
@@ -368,7 +371,7 @@ class WallContact(DifferentiableInteraction):
         )
 
     def _step_resistance(self, now: ContactEvaluation) -> Array:
-        """Friction over the travel of the step, its force and moments (3,), N and N m."""
+        """Friction over the travel of the step: its force and moments (3,), N and N m."""
         if self.contact.friction is None:
             return np.zeros(3)
         lever = self._lever(now.place)
@@ -385,10 +388,10 @@ def _directed(borne: Array, normal: Array, wets: Flags, pressure: Array) -> tupl
     """Pressure and its direction, where liquid presses along the strand's normal, not the wall's.
 
     Args:
-        borne: What the wall bears (n, 2), Pa.
-        normal: Of the wall (n, 2).
-        wets: Where there is liquid (n,).
-        pressure: Along the wall's normal (n,), Pa.
+        borne: Traction carried by the wall (n, 2), Pa.
+        normal: Normal of the wall (n, 2).
+        wets: Points with liquid (n,).
+        pressure: Pressure along the wall's normal (n,), Pa.
     """
     found = np.copysign(np.hypot(*borne.T), np.einsum("ni,ni->n", borne, normal))
     pressure, normal = np.where(wets, found, pressure), normal.copy()

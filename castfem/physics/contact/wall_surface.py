@@ -1,4 +1,4 @@
-"""The strand's surface where it meets a wall: what all slices on one mesh share."""
+"""Data of the strand's surface at a wall that all slices on one mesh share."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from castfem.physics.contact.surface_stress import SurfaceStrain
 
 @dataclass(frozen=True, slots=True)
 class WallSurface:
-    """What all slices on a mesh share that meet a wall with some groups."""
+    """Data of some boundary groups at a wall, shared by all slices on a mesh."""
 
-    facets: Facets  #: points
-    strand: StrandSurface  #: where they are, and how far off a wall is
-    #: mean height of the surface cells, m: one for all points, so that uniform pressure is a
+    facets: Facets  #: the points
+    strand: StrandSurface  #: geometry of the points, and distance to a wall
+    #: mean height of the surface cells, m: one for all points, so that uniform pressure gives
     #: uniform penetration (patch test)
     height: float
-    temperatures: SurfaceTemperatures  #: at the points
-    #: how they are strained, for Nitsche's method; None with the penalty
+    temperatures: SurfaceTemperatures  #: temperatures at the points
+    #: strain of the points, for Nitsche's method; None with the penalty
     strained: SurfaceStrain | None
-    geometry: forms.Surface  #: of the surface, as the forms see it
-    given: FacetFields  #: what the forms see of the wall
+    geometry: forms.Surface  #: geometry of the surface for the forms
+    given: FacetFields  #: coefficients of the wall for the forms
 
     @classmethod
     def of(
         cls, section: Section, contact: Contact, solid: Solid, motion: Motion, columns: int
     ) -> WallSurface:
-        """That of the groups of a contact, with so many columns of what forms see (collective)."""
+        """Make the data for the groups of a contact, with a number of coefficients (collective)."""
         mesh = section.mesh
         facets = Facets(section, section.required(contact.on), contact.points)
         slopes = solid.liquid == "fed" and contact.friction is not None

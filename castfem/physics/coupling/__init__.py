@@ -1,1 +1,1 @@
-"""Temperature and mechanics in turn: the coupling windows, their iterations and their sub-steps."""
+"""Staggered coupling of temperature and mechanics: coupling windows, iterations and sub-steps."""

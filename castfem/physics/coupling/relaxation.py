@@ -1,4 +1,4 @@
-"""Aitken's relaxation of a field that is found by repetition, such as the gap of a window."""
+"""Aitken relaxation of a field in fixed-point iterations, such as the gap of a window."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from castfem.base.types import Array, Flags
 from castfem.fem import reductions
 
 FACTORS = (0.02, 1.0)
-"""Smallest and largest factor of the relaxation."""
+"""Smallest and largest relaxation factor."""
 
 
 def difference(one: Array, other: Array) -> Array:
-    """One gap less another; 0 where both are without a wall."""
+    """One gap minus another; 0 where both have no wall."""
     with np.errstate(invalid="ignore"):
         return np.nan_to_num(one - other, nan=0.0)
 
 
 class Relaxation:
-    """Aitken's dynamic relaxation of a field that is looked for by repetition.
+    """Aitken's dynamic relaxation of a field in fixed-point iterations.
 
     [Kuettler2008], equation 44.
 
     Args:
-        comm: Ranks that have the field.
-        weight: Of each value in sums: the surface that is its own, so that a section and a part
-            of it that symmetry leaves are relaxed alike, and so are fine and coarse meshes.
+        comm: Ranks that share the field.
+        weight: Weight of each value in sums: its share of the surface, so that a whole section and
+            its symmetric part, or fine and coarse meshes, are relaxed equally.
 
     Attributes:
-        factor: By which the last residual was multiplied.
-        residual: What was found last less what was tried; None before.
+        factor: Factor on the last residual.
+        residual: Last result minus its input; None before the first.
         reached: Where both are finite.
     """
 
@@ -41,7 +41,7 @@ class Relaxation:
         self.reached: Flags = np.zeros(0, np.bool_)
 
     def __call__(self, tried: Array, found: Array) -> Array:
-        """What to try next, after `found` has come of `tried` (collective)."""
+        """Return the next input, after `tried` gave `found` (collective)."""
         self.reached = np.isfinite(tried) & np.isfinite(found)
         residual = np.where(self.reached, difference(found, tried), 0.0)
         if self.residual is not None:

@@ -1,7 +1,7 @@
-"""Staggered coupling of temperature and mechanics, one coupling window of time after the other.
+"""Staggered coupling of temperature and mechanics, one coupling window after the other.
 
-Nothing here keeps a state of its own: each step goes from a committed state to a new one, or leaves
-the old one as it was.
+Nothing here has a state of its own: each step leads from a committed state to a new one, or leaves
+the old one unchanged.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CouplingLimits:
-    """Errors of a coupling window, and what it begins with."""
+    """Parameters of the error estimate of a coupling window."""
 
-    #: error of the surface temperature for the gap that was held at its mean, over what the change
-    #: of flux does: the flux varies linearly over a window
+    #: error of the surface temperature from holding the gap at its mean, relative to the effect of
+    #: the change of flux: the flux is linear over a window
     share: float = 1.0 / 6.0
-    order: float = 1.5  #: of this error in the length of the window
-    allowed: float = 2.0  #: that error where the case gives none, K
-    #: times what is allowed: the window is cut back before the gap has converged
+    order: float = 1.5  #: order of this error in the length of the window
+    allowed: float = 2.0  #: default for that error, K
+    #: multiple of the allowed error at which the window is shortened before the gap has converged
     beyond: float = 4.0
-    #: change of the rate of displacement, relative, up to which the gap at the end of a window is
-    #: extrapolated
+    #: largest relative change of the rate of displacement for which the gap at the end of a window
+    #: is extrapolated
     steady: float = 0.5
-    #: least temperature that is extrapolated, K: a line may fall below absolute zero
+    #: lowest extrapolated temperature, K: a straight line may fall below absolute zero
     coldest: float = 100.0
 
 
@@ -49,32 +49,31 @@ LIMITS = CouplingLimits()
 
 @dataclass(frozen=True, slots=True)
 class StrandState:
-    """The committed state of the slice, all of it at one time."""
+    """The committed state of the slice, all at one time."""
 
-    thermal: ThermalState  #: temperatures
-    mechanical: MechanicalState | None  #: displacement, stress...; None without mechanics
-    #: heat of the viscoplastic work of the last window, which warms the next, at the owned vertices
+    thermal: ThermalState  #: thermal state
+    mechanical: MechanicalState | None  #: mechanical state; None without mechanics
+    #: heat of the viscoplastic work of the last window, released in the next, at the owned vertices
     #: (owned,), J/m3; empty without
     heating: Array
-    #: rate of temperature in the last window (owned,), K/s: what mechanics that go first know of
-    #: the next; empty where they do not
+    #: rate of temperature in the last window (owned,), K/s, with which mechanics that go first
+    #: extrapolate; otherwise empty
     trend: Array = field(default_factory=lambda: np.zeros(0))
-    #: of the generalized strains a0, a1, a2 in the last window (3,), 1/s, 1/(m s): what the next
-    #: one is compared with; empty where windows do not grow
+    #: rate of the generalized strains a0, a1, a2 in the last window (3,), 1/s, 1/(m s), for
+    #: comparison with the next one; empty unless windows grow
     strain_rate: Array = field(default_factory=lambda: np.zeros(0))
-    #: of the next thermal step, as learnt; window: of the next window likewise. Without a length
-    #: where none follows
+    #: length of the next thermal step; window: of the next window. `NO_STEP` if none follows
     step: StepLength = NO_STEP
     window: StepLength = NO_STEP
 
     @property
     def time(self) -> float:
-        """Since the meniscus, s."""
+        """Time since the meniscus, s."""
         return self.thermal.time
 
     @property
     def strained(self) -> MechanicalState | None:
-        """The mechanical state at this time; None without mechanics, and after they have ended."""
+        """The mechanical state at this time; None without mechanics, and after their end."""
         state = self.mechanical
         return None if state is None or state.time < self.thermal.time else state
 
@@ -87,16 +86,16 @@ class CouplingWindow:
     state: StrandState  #: the new state, or the old one
     substeps: SubSteps  #: the thermal steps
     mechanical: MechanicalResult  #: the mechanical steps
-    iterations: int  #: of the coupling; 1 if the window was not repeated
-    #: whether the iterations of the gap converged, if there were to be some
+    iterations: int  #: coupling iterations; 1 if the window was not iterated
+    #: whether the gap converged, if it was iterated
     gap_converged: bool = True
-    #: of the surface temperature at its end, K, for the gap was held at its mean; 0 where the
-    #: window is not repeated
+    #: error of the surface temperature at its end, K, from holding the gap at its mean; 0 if the
+    #: window is not iterated
     error: float = 0.0
-    cut_for_error: int = 0  #: longer windows that were tried before, and had too large an error
+    cut_for_error: int = 0  #: number of longer windows tried before whose error was too large
 
     def before(self, after: CouplingWindow) -> CouplingWindow:
-        """The same window repeated: `after`, with the work of both counted."""
+        """The result of repeating the window: `after`, with the work of both."""
         mechanical = replace(after.mechanical, newton=self.newton + after.newton)
         substeps = replace(after.substeps, newton=self.substeps.newton + after.substeps.newton)
         return replace(
@@ -113,32 +112,32 @@ class CouplingWindow:
 
 
 class CooledSurface(Protocol):
-    """The surface and what cools it, as far as the coupling has to do with them."""
+    """The cooled surface, as far as the coupling needs it."""
 
     def perimeter_share(self) -> Array:
-        """Length of the surface that belongs to each owned vertex (owned,), m."""
+        """Length of surface of each owned vertex (owned,), m."""
 
     def set_gap(self, gap: Array) -> None:
-        """From now on heat crosses these gaps, as `SurfaceGap.crossed` gives them, m."""
+        """Set the gaps that heat crosses from now on, as from `SurfaceGap.crossed`, m."""
 
     def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
-        """Flux at the owned vertices (owned,), W/m2, through these gaps at temperatures, K."""
+        """Flux at the owned vertices (owned,), W/m2, across these gaps at given temperatures, K."""
 
     def follow_shape(self) -> None:
-        """Cool the surface where it is now."""
+        """Cool the surface at its present position."""
 
 
 class CouplingObserver:
-    """What goes along with the windows of a coupling; this one does nothing."""
+    """Follows the windows of a coupling; this one does nothing."""
 
     def begins(self, old: StrandState, end: float) -> None:
-        """A window is tried from a committed state to `end`, s."""
+        """A window from a committed state to `end`, s, is tried."""
 
     def shaped(self, state: MechanicalState) -> None:
-        """Heat flows from now on through the slice as it was strained."""
+        """From now on heat is computed on the deformed slice of this state."""
 
     def expects(self, old: MechanicalState, ahead: MechanicalState) -> None:
-        """The gap is taken as the mean of a committed state and one that went on moving."""
+        """The gap is the mean of a committed state and an extrapolated one."""
 
     def iterates(self, gap: Array | None) -> None:
         """An iteration begins, with these gaps, m."""
@@ -147,32 +146,33 @@ class CouplingObserver:
         """An iteration has converged."""
 
     def relaxed(self, relaxation: Relaxation) -> None:
-        """The gap of the next iteration is found."""
+        """The gap of the next iteration has been computed."""
 
 
 class StaggeredCoupling:
     """Staggered coupling, thermal first (thesis IV): in each window the slice cools, then strains.
 
-    The mechanics hand to the thermal problem of the next window the deformed section, the gap to
+    The mechanics pass to the thermal problem of the next window the deformed section, the gap to
     the wall and the dissipated work. With more than one iteration a window is repeated with the
-    mean gap of its beginning and its end, until that converges; where it does not, the window is
-    cut back, for the gap changes less over a shorter one.
+    mean of the gaps at its start and end until that converges; if it does not, the window is
+    shortened, since the gap then changes less.
 
     Args:
         thermal: Thermal steps. mechanics: Mechanical steps.
-        dissipation: Share of the viscoplastic work that heats the next window.
-        surface: Given the gaps. gap: Computes them; None without a mould.
-        window: Length of a window that is not cut back, s.
-        max_iterations: Of the coupling, in one window.
-        tolerance: The gap has converged when the one that was computed would change the
-            temperature of the surface by less, K.
-        strain_error: Of the axial strain, allowed in a window that has grown.
-        reach: Largest |x| and |y| of the section, m; None where windows do not grow.
-        order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
-            window before, and held its temperature in the first (297)-(299), Fig. 84.
+        dissipation: Fraction of the viscoplastic work that heats the next window.
+        surface: Receives the gaps. gap: Computes them; None without a mould.
+        window: Length of a window that is not shortened, s.
+        max_iterations: Largest number of coupling iterations in one window.
+        tolerance: The gap has converged when the newly computed one would change the surface
+            temperature by less, K.
+        strain_error: Error of the axial strain allowed in a window that has grown.
+        reach: Largest |x| and |y| of the section, m; None if windows do not grow.
+        order: "thermal_first", or "mechanics_first": the strain is computed first, with cooling
+            extrapolated from the previous window, in the first window with constant temperature
+            (297)-(299), Fig. 84.
 
     Attributes:
-        observer: Called at each part of a window; derivatives of a run are carried along by one.
+        observer: Called in each part of a window; used for derivatives of a run.
     """
 
     def __init__(
@@ -196,15 +196,15 @@ class StaggeredCoupling:
         self.observer = CouplingObserver()
 
     def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
-        """One window from `old` to `end` (s); `old` is left untouched.
+        """Take one window from `old` to `end` (s); `old` is unchanged.
 
         Args:
-            old: Where it begins.
-            end: Where it ends, s.
-            allowed: Error, K. The gap is not repeated in a window that is far beyond it.
+            old: State at its start.
+            end: End of the window, s.
+            allowed: Allowed error, K. A window far above it is not iterated further.
 
         Raises:
-            RunFailure: If no thermal step is short enough.
+            RunFailure: No thermal step is short enough.
         """
         assert old.mechanical is not None
         self.observer.begins(old, end)
@@ -243,14 +243,14 @@ class StaggeredCoupling:
         return taken if taken.converged else replace(taken, state=given)
 
     def _expected_gap(self, old: MechanicalState, begun: Array, end: float) -> Array:
-        """Mean gaps of a window if the slice goes on moving as before (gaps,), m (collective).
+        """Mean gaps of a window if the slice keeps moving as before (gaps,), m (collective).
 
-        That of its begin where the slice moved otherwise in the step before the last.
+        The gap at its start if the slice moved differently in the step before the last.
 
         Args:
-            old: At the begin of the window.
+            old: State at the start of the window.
             begun: Its gaps (gaps,), m.
-            end: Of the window, s.
+            end: End of the window, s.
         """
         if not old.unsteadiness < LIMITS.steady:
             return begun
@@ -261,7 +261,7 @@ class StaggeredCoupling:
         return np.asarray(0.5 * (begun + ended))
 
     def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
-        """One iteration of the coupling, with one gap at each vertex."""
+        """One coupling iteration, with a constant gap at each vertex."""
         assert old.mechanical is not None
         self.observer.iterates(gap)
         first, instants = None, self.mechanics.instants(old.time, end)
@@ -293,7 +293,7 @@ class StaggeredCoupling:
         return CouplingWindow(True, state, substeps, result, 1)
 
     def _follow_shape(self, state: MechanicalState) -> None:
-        """Let heat flow through the slice as it was strained, unless the case leaves that out."""
+        """Compute heat on the deformed slice from now on, unless the case excludes it."""
         problem = self.thermal.stepper.problem
         if problem.shape is not None:
             problem.shape.take(state.displacement, state.generalized_strains)
@@ -302,18 +302,18 @@ class StaggeredCoupling:
             self.observer.shaped(state)
 
     def _expected(self, old: StrandState, end: float) -> Array:
-        """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
+        """Temperatures at `end` if the slice keeps cooling as before (owned,), K."""
         found = old.thermal.point.temperature + (end - old.time) * old.trend
         return np.maximum(found, LIMITS.coldest)
 
     def gap_of(self, state: MechanicalState) -> Array | None:
-        """The gaps that heat crosses (gaps,), m; None without a wall (collective)."""
+        """Gaps that heat crosses (gaps,), m; None without a wall (collective)."""
         return None if self.gap is None else self.gap.crossed(state)
 
     def _misjudged(self, begun: float, state: StrandState, taken: Array, found: Array) -> float:
-        """How far the surface is off, K, since the gap taken was not the one that was found.
+        """Error of the surface temperature, K, from the difference of assumed and computed gap.
 
-        The difference of the fluxes cools a thick body of the steel that is there for the length of
+        The difference of the fluxes cools a semi-infinite body of the local steel for the length of
         the window (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
         """
         point, surface = state.thermal.point, self.surface
@@ -333,12 +333,12 @@ class StaggeredCoupling:
         return np.asarray(self.dissipation * work / problem.area)
 
     def release(self, state: StrandState) -> ThermalState:
-        """Let the slice cool on without mechanics, in the shape that they have left it in.
+        """Return the thermal state after the mechanics, in the shape they have left.
 
         (Collective.)
 
         Args:
-            state: At the end of the mechanics, or later on.
+            state: State at the end of the mechanics, or later.
         """
         assert state.mechanical is not None
         if self.dissipation:
@@ -348,10 +348,10 @@ class StaggeredCoupling:
         return state.thermal if fed else self.thermal.stepper.feed(state.thermal)
 
     def curved(self, old: StrandState, new: StrandState) -> float:
-        """How far the axial strain of a window is from straight, over what is allowed.
+        """Deviation of the axial strain of a window from linearity, over the allowed one.
 
-        Half of what it would have been off, had it gone on as in the window before: that is the
-        error of a backward step, by the corner of the section that is worst off.
+        Half of the deviation from continuing as in the previous window, which is the error of a
+        backward step, at the worst corner of the section.
         """
         if self.reach is None or not old.strain_rate.size:
             return 0.0
@@ -360,7 +360,7 @@ class StaggeredCoupling:
         return 0.5 * off / self.strain_error
 
     def start(self, thermal: ThermalState, window: StepLength) -> StrandState:
-        """The slice as it begins, undeformed and free of stress, with a window of some length."""
+        """Return the initial slice, undeformed and stress-free, with a first window length."""
         mechanical = self.mechanics.stepper.initial(thermal.time, thermal.point.temperature)
         owned = len(thermal.enthalpy) if self.dissipation else 0
         trend = np.zeros(len(thermal.enthalpy) if self.order == "mechanics_first" else 0)

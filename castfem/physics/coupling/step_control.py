@@ -1,11 +1,10 @@
-"""Choice of the time step: fixed or by error control; milestones hit exactly, cut-back.
+"""Time step control: fixed or by error estimate, with milestones hit exactly, and step reduction.
 
-What is learnt of a step is a value: each function here takes the length so far and returns the next
-one, so that a step that is not kept leaves nothing behind.
+The controller has no state: each function takes the step length so far and returns the next one, so
+that a rejected step leaves nothing behind.
 
-A fixed step that is cut back has a length from a ladder, not just any: two runs that differ little
-then take the same steps, and their results differ by what differs between the runs, not by where
-their steps end.
+A fixed step is shortened to lengths from a ladder: two runs with small differences then take the
+same steps, and their results differ by these differences, not by where their steps end.
 """
 
 from __future__ import annotations
@@ -21,26 +20,26 @@ from castfem.base.errors import RunFailure
 
 @dataclass(frozen=True, slots=True)
 class StepLimits:
-    """By how much a step may differ from the one before, and what counts as one length."""
+    """Limits of the change from one step to the next, and tolerance of equal lengths."""
 
-    safety: float = 0.9  # of the step that would just meet the error allowed
-    growth: float = 2.0  # at most, from step to step
-    shrink: float = 0.2  # at least, for an error that is too large
-    failed: float = 0.25  # what is left of the step when the solver fails
-    rounding: float = 1e-6  # of the smallest step: how far rounding takes a step from it
+    safety: float = 0.9  # fraction of the step that would just meet the allowed error
+    growth: float = 2.0  # largest growth from step to step
+    shrink: float = 0.2  # smallest factor after too large an error
+    failed: float = 0.25  # factor on the step after a failure of the solver
+    rounding: float = 1e-6  # rounding of a step, relative to the smallest
     rungs: tuple[float, ...] = (1.0, 1.25, 1.6)  # of the ladder, from one to its double
-    strain: float = 1e-5  # axial, error in a window that has grown, where the case gives none
+    strain: float = 1e-5  # default error of the axial strain in a window that has grown
 
 
 LIMITS = StepLimits()
 
 
 def rung(step: float, unit: float) -> float:
-    """The longest step of the ladder that is no longer than `step`.
+    """The longest step of the ladder up to `step`.
 
     Args:
-        step: To be shortened.
-        unit: 1, 4/5, 5/8, 1/2 and so on of it are on the ladder, likewise what is longer.
+        step: Step to be shortened.
+        unit: Reference step; the ladder has 1, 4/5, 5/8, 1/2 ... of it, and likewise longer steps.
     """
     limit = step / unit * (1.0 + LIMITS.rounding)
     whole = 2.0 ** (math.frexp(limit)[1] - 1)
@@ -51,15 +50,15 @@ def rung(step: float, unit: float) -> float:
 class Adaptive:
     """Error-controlled stepping."""
 
-    tolerance: float  #: temperature error allowed in a step, K
-    first: float  #: step after the meniscus and after each change of cooling, s
-    smallest: float  #: the run stops when this one is still too long, s
-    largest: float  #: upper limit, s
+    tolerance: float  #: allowed temperature error of a step, K
+    first: float  #: first step after the meniscus and each change of cooling, s
+    smallest: float  #: smallest step, s; the run stops if it is still too long
+    largest: float  #: largest step, s
 
 
 @dataclass(frozen=True, slots=True)
 class StepLength:
-    """Length of the next step as learnt so far: `step` (s), and the factor it may grow by."""
+    """Length of the next step so far: `step` (s), and its growth factor."""
 
     step: float
     growth: float = 1.0
@@ -73,28 +72,28 @@ class Proposal:
     """A step to try."""
 
     end: float  #: where it ends, s
-    taken: float  #: its length, s
-    base: float  #: the same without growth, s
+    taken: float  #: length, s
+    base: float  #: length without growth, s
     clipped: bool  #: whether a milestone or a limit ends it
-    length: StepLength  #: what it was proposed from
+    length: StepLength  #: step length from which it was proposed
 
 
 class StepControl:
-    """Proposes the end of the next step, and tells what follows from how it went.
+    """Proposes the end of the next step, and adapts the length to the result.
 
     Args:
-        end: Where the run ends, s.
-        milestones: Instants that must be hit exactly (zone changes, output), s.
-        fixed: Step, s, or None for `adaptive`.
+        end: End of the run, s.
+        milestones: Times that must be hit exactly (zone changes, output), s.
+        fixed: Fixed step, s, or None for `adaptive`.
         adaptive: Error control, or None for `fixed`.
-        tolerance: Error (K) allowed in a fixed step, which is cut back for it; None: any.
-        order: Power of the step that the error estimate follows.
-        longest: Of a step that begins at a time, s; None for no other limit than these.
-        unit: Whose parts a fixed step is cut to, s; that step where it is None.
-        most: How many times such a step, fixed or longest, one may grow to between milestones.
+        tolerance: Allowed error (K) of a fixed step, above which it is shortened; None: any.
+        order: Power of the step in the error estimate.
+        longest: Longest step that begins at a time, s, as a function; None for no such limit.
+        unit: Unit of the ladder for shortened fixed steps, s; the fixed step itself if None.
+        most: Largest growth of a fixed or longest step between milestones, as a factor.
 
     Attributes:
-        first: What a run begins with.
+        first: Step length at the start of a run.
     """
 
     def __init__(
@@ -133,12 +132,12 @@ class StepControl:
         return tuple(self._stops[: bisect_right(self._stops, time + self._tiny)])
 
     def at_milestone(self, time: float) -> bool:
-        """Whether a milestone, or the beginning, is at `time` (s)."""
+        """Whether a milestone, or the start, is at `time` (s)."""
         before = bisect_right(self._stops, time + self._tiny) - 1
         return time - (self._stops[before] if before >= 0 else 0.0) <= self._tiny
 
     def propose(self, length: StepLength, time: float, limit: float | None = None) -> Proposal:
-        """The step to try from `time`, never past the next milestone or `limit`, s."""
+        """Return the step to try from `time`, never beyond the next milestone or `limit`, s."""
         if self.most > 1.0 and self.at_milestone(time):
             length = replace(length, growth=1.0)
         stop = self.next_stop(time)
@@ -148,18 +147,18 @@ class StepControl:
         clipped = left <= step * (1 + 1e-9)
         end = stop if clipped else time + step
         if not clipped and (self._adaptive is not None or length.growth > 1.0) and left < 2 * step:
-            end = time + 0.5 * left  # two even steps rather than a crumb at the end
+            end = time + 0.5 * left  # two even steps instead of a tiny one at the end
         return Proposal(end, end - time, base, clipped, length)
 
     def accepts(self, error: float) -> bool:
-        """Whether a step with this estimated error (K) may be kept."""
+        """Whether a step with this estimated error (K) is accepted."""
         return error <= self.tolerance
 
     def learn(self, tried: Proposal, error: float) -> StepLength:
-        """What follows from the error of a step, kept or not.
+        """Return the step length after a step with this error, accepted or not.
 
         Raises:
-            RunFailure: If the error of the smallest step is too large.
+            RunFailure: The error of the smallest step is too large.
         """
         ratio, accepted = self.tolerance / max(error, 1e-300), self.accepts(error)
         length, taken = tried.length, tried.taken
@@ -174,8 +173,8 @@ class StepControl:
             grown = max(grown, 1.0) if tried.clipped else grown
             step = min(self._fixed or length.step, self._on_ladder(length.step * grown))
             return replace(length, step=step)
-        # Growth is damped: vertices that pass the liquidus make the estimate jump from step to
-        # step, and a step that grows on a quiet one is rejected at the next.
+        # Growth is damped: vertices passing the liquidus make the estimate jump from step to step,
+        # and a step that grows after a quiet one would be rejected next.
         factor = LIMITS.safety * ratio ** (self._exponent if ratio < 1.0 else 0.5 * self._exponent)
         # In this order it shrinks for an error that is NaN.
         proposed = taken * min(max(LIMITS.shrink, factor), LIMITS.growth)
@@ -188,21 +187,21 @@ class StepControl:
                     "(thermal.time.adaptive.tolerance)"
                 )
             return replace(length, step=shorter)
-        if tried.clipped:  # a step cut short by a milestone teaches no smaller one
+        if tried.clipped:  # a step cut short by a milestone does not reduce the length
             proposed = max(proposed, length.step)
         assert self._adaptive is not None
         return replace(length, step=min(max(proposed, self.smallest), self._adaptive.largest))
 
     def failed(self, tried: Proposal, reason: str, wanted: float | None = None) -> StepLength:
-        """What to try after the solver failed on a step.
+        """Return the step length to try after the solver has failed.
 
         Args:
-            tried: The step.
-            reason: Why it failed.
-            wanted: What to try instead, s; a share of it if not known.
+            tried: The failed step.
+            reason: Reason of the failure.
+            wanted: Length to try instead, s; None for a default fraction.
 
         Raises:
-            RunFailure: If the step is already the smallest.
+            RunFailure: The step is already the smallest.
         """
         left = tried.taken * LIMITS.failed
         if tried.length.growth > 1.0:
@@ -215,10 +214,10 @@ class StepControl:
         return replace(tried.length, step=shorter)
 
     def _shorter(self, tried: Proposal, proposed: float) -> float | None:
-        """The step to try after one that is not kept, s; None if there is none.
+        """Step to try after a rejected one, s; None if there is none.
 
-        It is no shorter than the smallest.  Only what a milestone had cut below that may be
-        divided once more: the length that is left was not chosen for its error.
+        It is not below the smallest step. Only a step shortened below that by a milestone may be
+        halved once more, since its length was not chosen for its error.
         """
         if tried.taken > self.smallest * (1 + LIMITS.rounding):
             return max(self._on_ladder(proposed), self.smallest)
@@ -226,11 +225,11 @@ class StepControl:
         return proposed if cut else None
 
     def _on_ladder(self, step: float) -> float:
-        """A step that is no longer, from the ladder where steps are fixed, s."""
+        """A step of at most this length, s; with fixed steps from the ladder."""
         return step if self._unit is None else rung(step, self._unit)
 
     def restart(self, length: StepLength) -> StepLength:
-        """Forget the step learnt: the cooling has just changed."""
+        """Reset the step length after a change of the cooling."""
         if self._adaptive is None:
             return length
         return replace(length, step=min(length.step, self._adaptive.first))

@@ -1,4 +1,4 @@
-"""Subcycling: the thermal and the mechanical steps within one coupling window."""
+"""Thermal and mechanical steps within one coupling window."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
     from castfem.physics.mechanics.stepper import MechanicalStepper
 
 FALLS = "the heat flux falls so steeply as the surface warms that the step has several solutions"
-Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertices then, K
+Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertices at that time, K
 
 
 @dataclass(frozen=True, slots=True)
 class SubSteps:
-    """Thermal steps that were taken one after another."""
+    """Result of successive thermal steps."""
 
-    state: ThermalState  #: at their end
-    step: float  #: length of the last, s
-    length: StepLength  #: of the next, as learnt
-    newton: int  #: Newton iterations of all
-    balance: float  #: largest relative error of their heat balances
-    steps: int  #: their number
-    rejected: int  #: steps that were tried and not kept
-    #: steps taken by backward Euler because the second-order scheme left the physical bounds, or
-    #: would have come back
+    state: ThermalState  #: state at their end
+    step: float  #: length of the last step, s
+    length: StepLength  #: length of the next step
+    newton: int  #: total Newton iterations
+    balance: float  #: largest relative heat balance error
+    steps: int  #: number of steps
+    rejected: int  #: number of rejected steps
+    #: steps by backward Euler, where the second-order scheme left the physical bounds, or would
+    #: again
     limited: int
 
     def __add__(self, after: SubSteps) -> SubSteps:
-        """Both, `after` being the later."""
+        """The sum of two results, `after` being the later."""
         worse = max(self.balance, after.balance, key=abs)
         return SubSteps(
             after.state, after.step, after.length, self.newton + after.newton, worse,
@@ -48,13 +48,13 @@ class SubSteps:
 
 
 class ThermalSteps:
-    """Thermal steps with error control and cut-back.
+    """Thermal steps with error control and step reduction.
 
     Args:
         stepper: Takes one step. control: Chooses its length.
 
     Attributes:
-        on_kept: Called with each step that is kept, and the state it began with; None for nobody.
+        on_kept: Called with each accepted step and its initial state; None for none.
     """
 
     def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
@@ -62,10 +62,10 @@ class ThermalSteps:
         self.on_kept: Callable[[ThermalState, StepResult], None] | None = None
 
     def one(self, state: ThermalState, length: StepLength, stop: float | None = None) -> SubSteps:
-        """One step of some length, or cut back, not past `stop` (s).
+        """One step of a given length, shortened if necessary, not beyond `stop` (s).
 
         Raises:
-            RunFailure: At the smallest step.
+            RunFailure: A step of the smallest size failed.
         """
         rejected, kept = -1, False
         while not kept:
@@ -83,7 +83,7 @@ class ThermalSteps:
     def _judged(
         self, state: ThermalState, tried: Proposal, result: StepResult
     ) -> tuple[StepLength, bool]:
-        """Length of the step to take after one that was tried, and whether this one is kept."""
+        """Length of the step after a tried one, and whether this one is accepted."""
         reason = self.stepper.stray(result.state) if result.converged else result.reason
         if reason:
             log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, tried.taken, reason)
@@ -91,15 +91,15 @@ class ThermalSteps:
         longest = self.stepper.longest(state, result.state)
         if tried.taken > longest * (1.0 + ROUNDING):
             log.logger.debug("t = %.6g s: step %.3g s: the flux falls", state.time, tried.taken)
-            # Somewhat less than the longest step that has one solution.
+            # Somewhat less than the longest step with a unique solution.
             return self.control.failed(tried, FALLS, 0.7 * longest), False
         return self.control.learn(tried, result.error), self.control.accepts(result.error)
 
     def to(self, state: ThermalState, length: StepLength, end: float) -> SubSteps:
-        """As many steps as it takes to `end` (s), the first of some length.
+        """As many steps as needed to `end` (s), the first of a given length.
 
         Raises:
-            RunFailure: At the smallest step.
+            RunFailure: A step of the smallest size failed.
         """
         substeps = self.one(state, length, end)
         while not same_instant(substeps.state.time, end, self.control.end):
@@ -109,13 +109,13 @@ class ThermalSteps:
     def through(
         self, state: ThermalState, length: StepLength, instants: Sequence[float]
     ) -> tuple[SubSteps, list[Moment]]:
-        """As many steps as it takes to the last of some instants (s), all of which are hit.
+        """As many steps as needed to the last of some times (s), all of which are hit.
 
         Returns:
-            The steps, and the temperature at each instant.
+            The steps, and the temperatures at each of the times.
 
         Raises:
-            RunFailure: At the smallest step.
+            RunFailure: A step of the smallest size failed.
         """
         substeps = self.to(state, length, instants[0])
         moments = [(instants[0], substeps.state.point.temperature)]
@@ -130,7 +130,7 @@ class MechanicalSteps:
 
     Args:
         stepper: Takes one step.
-        longest: Length of a step, s, at most; None for one step a window.
+        longest: Longest step, s; None for one step per window.
     """
 
     def __init__(self, stepper: MechanicalStepper, longest: float | None = None) -> None:
@@ -138,18 +138,18 @@ class MechanicalSteps:
 
     @property
     def comm(self) -> MPI.Comm:
-        """Ranks that step together."""
+        """Communicator of the problem."""
         return self.stepper.comm
 
     def instants(self, start: float, end: float) -> list[float]:
-        """Where the steps of a window end, s."""
+        """Ends of the steps of a window, s."""
         duration, count = end - start, 1
         if self.longest is not None:
             count = max(1, math.ceil(duration / self.longest * (1.0 - ROUNDING)))
         return [start + duration * k / count for k in range(1, count)] + [end]
 
     def through(self, old: MechanicalState, moments: Sequence[Moment]) -> MechanicalResult:
-        """One step to each moment; `old` is left untouched, and the result if one of them fails."""
+        """One step to each moment; `old` is unchanged, also if a step fails."""
         time, temperature = moments[0]
         result = self.stepper.step(old, time, temperature)
         for time, temperature in moments[1:]:

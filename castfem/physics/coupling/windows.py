@@ -1,4 +1,4 @@
-"""How long a coupling window is: cut back as often as it takes."""
+"""Takes coupling windows, shortened as often as necessary."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from castfem.physics.coupling.step_control import StepControl
 
 @dataclass(frozen=True, slots=True)
 class WindowLimits:
-    """Down to which length a window is cut back."""
+    """Limits of the shortening of windows."""
 
-    #: of the window of the case: cut back no further for a gap that does not converge, or for a
-    #: state beyond the range of the model, where a shorter window ends, too
+    #: fraction of the case's window: not shortened further for an unconverged gap, or for a state
+    #: outside the range of the model, where a shorter window would end, too
     shortest: float = 0.02
-    #: s: a window this short is not cut back for its error, however long others may be
+    #: s: a window this short is not shortened for its error, however long others may be
     fine: float = 0.1
 
 
@@ -30,17 +30,17 @@ LIMITS = WindowLimits()
 def take_window(
     coupling: StaggeredCoupling, state: StrandState, control: StepControl
 ) -> tuple[CouplingWindow, int]:
-    """Take a window, cut back until it succeeds; return also how often a failure cut it back.
+    """Take a window, shortened until it succeeds; also return the number of failures.
 
-    A window whose gap does not converge counts as a failure, but does not end the run.  A gap that
-    changes too much for the window's error cuts it back as well.
+    A window whose gap does not converge counts as a failure, but does not end the run. A window
+    whose error is too large is shortened as well.
 
     Raises:
-        RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where
-            nothing is there to bear a load.
+        RunFailure: The smallest window failed, the model does not hold (`mechanics.validity`), or
+            nothing carries a load.
     """
     failed = cut = 0
-    begins = control.at_milestone(state.time)  # the rate before is not that after
+    begins = control.at_milestone(state.time)  # rates before and after a milestone differ
     length = state.window
     while True:
         tried = control.propose(length, state.time)
@@ -61,7 +61,7 @@ def take_window(
             continue
         kept = coupling.max_iterations == 1 or short
         if attempt.converged and (attempt.gap_converged or kept):
-            learns = not fine or control.accepts(attempt.error)  # or else the next one is as long
+            learns = not fine or control.accepts(attempt.error)  # otherwise the next one is as long
             length = control.learn(tried, attempt.error) if learns else tried.length
             committed = replace(attempt.state, window=length)
             return replace(attempt, state=committed, cut_for_error=cut), failed

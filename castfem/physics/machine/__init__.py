@@ -1,4 +1,4 @@
-"""What the strand meets on its way: its speed, the line it follows, mould and rolls."""
+"""The caster: casting speed, strand line, rolls, sprays, bulging and extraction."""
 
 from castfem.physics.machine.machine import Machine
 from castfem.physics.machine.travel import Changing, Steady, Travel

@@ -1,4 +1,4 @@
-"""Rolls that are not where they should be, do not turn, or are not there (thesis VI.4).
+"""Rolls that are misaligned, locked or missing (thesis VI.4).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -22,7 +22,7 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 def circle(before: Array, here: Array, after: Array) -> float:
     """Curvature of the circle through three points (2,), 1/m: 1/R = 4 S/(a b c) (329).
 
-    Positive where it turns to the left.
+    Positive for a left turn.
     """
     a, b, c = after - here, after - before, here - before
     twice = float(c[0] * b[1] - c[1] * b[0])
@@ -30,18 +30,18 @@ def circle(before: Array, here: Array, after: Array) -> float:
 
 
 def with_radii(rolls: Rolls) -> Rolls:
-    """Return the rolls with the radii that those which are off, or lost, leave to the strand.
+    """Return the rolls with the radii that result from misaligned and missing ones.
 
-    At a roll that is off and at the two beside it the curvature changes by what the circle through
-    three rolls changes by (329); it stays where the rolls stay, straightener or not. A lost pair
-    leaves the strand to those beside it, between which the curvature is linear.
+    At a misaligned roll and its two neighbours the curvature changes by the change of that of the
+    circle through three rolls (329); elsewhere it is unchanged. At a missing pair the curvature is
+    linear between its neighbours.
     """
     if not any(pair.offset or pair.lost for pair in rolls.pairs):
         return rolls
     return replace(rolls, pairs=_with_radii(rolls))
 
 
-@lru_cache(maxsize=16)  # a case is asked for its rolls again and again
+@lru_cache(maxsize=16)  # called repeatedly for the same rolls
 def _with_radii(rolls: Rolls) -> tuple[Pair, ...]:
     pairs = list(rolls.pairs)
     held = rolls.there
@@ -65,15 +65,15 @@ def _with_radii(rolls: Rolls) -> tuple[Pair, ...]:
 
 
 def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
-    """Return how far rolls that are off leave the line that their strand follows (n,), m.
+    """Return the distance of rolls from the line that their strand follows (n,), m.
 
-    Of all pairs that are there, towards the centre of curvature. With 1/R linear between the rolls
-    the strand goes part of the way to a roll that is off, and off those beside it: the shell has to
-    take what is left between line and roll. Beyond the second pair to each side it is nothing.
+    For all existing pairs, towards the centre of curvature. With 1/R linear between the rolls the
+    strand follows a misaligned roll only in part, and leaves its neighbours: the shell has to take
+    up the remaining distance. Beyond the second pair on each side it is zero.
 
     Args:
         normal: The rolls without defects.
-        rolls: The same with their defects, as `with_radii` gives them.
+        rolls: The rolls with their defects, from `with_radii`.
     """
     held, found = rolls.there, np.zeros(len(rolls.there))
     plain = [
@@ -103,7 +103,7 @@ def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
 
 
 def _curved(pair: Pair, curvature: float) -> Pair:
-    """The pair where the strand has a curvature, 1/m; negative: bent to the extrados."""
+    """The pair with a curvature of the strand, 1/m; negative if bent towards the extrados."""
     designed = pair.radius if pair.designed is None else pair.designed
     return replace(pair, radius=1.0 / curvature if curvature else math.inf, designed=designed)
 
@@ -111,7 +111,7 @@ def _curved(pair: Pair, curvature: float) -> Pair:
 def _places(rolls: Rolls) -> tuple[Array, Array]:
     """Points of the line between the rolls (n, 2), m, and its normals towards the intrados.
 
-    The strand comes down along -y; the intrados lies at larger x.
+    The strand moves down along -y; the intrados is at larger x.
     """
     places = [pair.position for pair in rolls.pairs]
     radii = [pair.radius for pair in rolls.pairs]

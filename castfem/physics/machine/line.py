@@ -1,4 +1,4 @@
-"""The line that rolls give the strand: its curvature, its inclination, the height of its liquid."""
+"""The line of the strand between its rolls: curvature, inclination, height of the liquid."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from castfem.base.types import Array
 
 Face = Literal["extrados", "centreline", "intrados"]
-"""Where a radius is measured: outer face of the strand, its middle, inner face."""
+"""Line on which a radius is measured: outer face of the strand, its middle, inner face."""
 FACES: tuple[Face, ...] = get_args(Face)
 INWARD: dict[Face, float] = {"extrados": 0.0, "centreline": 0.5, "intrados": 1.0}
 """Distance of each from the extrados towards the centre of curvature, over the thickness."""
@@ -22,17 +22,18 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 class Bent:
     """A strand whose curvature 1/R is linear between the rolls (thesis III.1.2).
 
-    It is vertical at the meniscus. Above the first and below the last roll the curvature is theirs.
+    It is vertical at the meniscus. Above the first and below the last roll the curvature is
+    constant.
 
     Args:
-        positions: Of the pairs of rolls, increasing, m from the meniscus along `face`.
-        radii: R of that face there, m; inf where the strand is straight, negative where it is
-            bent the other way.
-        thickness: Of the strand there, m.
-        face: Of which the radii are, and along which positions and speed are measured.
+        positions: Positions of the pairs of rolls, increasing, m from the meniscus along `face`.
+        radii: R of that face there, m; inf where the strand is straight, negative if bent the other
+            way.
+        thickness: Thickness of the strand there, m.
+        face: Face to which the radii refer, and along which positions and speed are measured.
 
     Raises:
-        ValueError: They are not as many, do not increase, or a radius is zero.
+        ValueError: The numbers of entries differ, positions do not increase, or a radius is zero.
     """
 
     def __init__(
@@ -77,10 +78,10 @@ class Bent:
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Rolls at which the curvature begins to change, or does so otherwise than before, m."""
+        """Rolls at which the slope of the curvature changes, m."""
         slopes = np.diff(self._curvatures) / np.diff(self._rolls)
         slopes = np.concatenate([[0.0], slopes, [0.0]])
-        # Radii and positions of a table are rounded: what that makes of a slope is no change.
+        # Radii and positions of a table are rounded: changes within rounding do not count.
         changes = np.abs(np.diff(slopes)) > 1e-4 * max(float(np.abs(slopes).max()), 1e-300)
         return tuple(float(position) for position in self._rolls[changes])
 
@@ -104,24 +105,24 @@ class Bent:
     def height(self, position: float) -> float:
         """See `Line`."""
         i, along = self._piece(position)
-        # The middle lies beside the line of reference, towards the centre of curvature.
+        # The middle is beside the line of reference, towards the centre of curvature.
         beside = (INWARD["centreline"] - INWARD[self.face]) * self.thickness(position)
         line = self._heights[i] + self._fall(i, along)
         return float(line - beside * np.sin(self._angle(i, along)))
 
     def _piece(self, position: float) -> tuple[int, float]:
-        """The piece a position lies in, and how far from its beginning, m."""
+        """The piece that contains a position, and the distance from its start, m."""
         i = max(bisect_right(self._ends, position) - 1, 0)
         return i, position - float(self._ends[i])
 
     def _angle(self, i: int, along: float | Array) -> float | Array:
-        """Inclination at some length from the beginning of a piece, rad."""
+        """Inclination at some length from the start of a piece, rad."""
         return self._angles[i] + along * (self._chi[i] + 0.5 * self._slopes[i] * along)
 
     def _fall(self, i: int, length: float) -> float:
-        """What the line of reference falls over a length from the beginning of a piece, m."""
+        """Fall of the line of reference over a length from the start of a piece, m."""
         chi = float(self._chi[i])
-        if i == len(self._ends) - 1 and chi != 0.0:  # below the last roll, however far
+        if i == len(self._ends) - 1 and chi != 0.0:  # below the last roll
             return float(np.sin(self._angles[i] + chi * length) - np.sin(self._angles[i])) / chi
         along = 0.5 * length * (_POINTS + 1.0)
         return float(0.5 * length * _WEIGHTS @ np.cos(self._angle(i, along)))

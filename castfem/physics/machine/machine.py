@@ -1,4 +1,4 @@
-"""The machine as the slice passes through it: its position at a time, and what acts there."""
+"""The machine as the slice passes through it: position over time, and local quantities."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 
 GRAVITY = 9.81  # m/s2
-STANDING = 10.0  # windows of a length at full speed: how long one lasts at most
+STANDING = 10.0  # longest duration of a window of given length, in multiples of that at full speed
 
 
 class Line(Protocol):
-    """The line along which the strand goes down."""
+    """The line that the strand follows."""
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Positions at which the curvature begins to change, or does so otherwise, m."""
+        """Positions at which the slope of the curvature changes, m."""
 
     def height(self, position: float) -> float:
         """Height of the liquid above the middle of the strand at a position, m."""
 
     def curvature(self, position: float, face: Face | None = None) -> float:
-        """Curvature 1/R of a face there, 1/m; by default of that which the radii are given of."""
+        """Curvature 1/R of a face there, 1/m; by default of the face to which the radii refer."""
 
     def inclination(self, position: float) -> float:
         """Angle to the vertical there, rad."""
@@ -38,7 +38,7 @@ class Line(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Vertical:
-    """A strand that goes straight down."""
+    """A straight vertical strand."""
 
     @property
     def knots(self) -> tuple[float, ...]:
@@ -60,25 +60,25 @@ class Vertical:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """Turns time into place, and place into what the machine does there.
+    """Converts time to position, and position to local quantities of the machine.
 
     Positions are lengths along the strand from the meniscus, m; times are those of the slice, s,
     which is at the meniscus at time 0.
     """
 
-    travel: Travel  #: the way of the slice over time
+    travel: Travel  #: position of the slice over time
     line: Line = Vertical()  #: the line it follows
-    #: from the meniscus to the end of the mould, m; None without one
+    #: length from the meniscus to the end of the mould, m; None without one
     mould_length: float | None = None
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Instants at which the casting speed begins to change, or ends to, s."""
+        """Times at which the casting speed begins or ends to change, s."""
         return self.travel.kinks
 
     @property
     def bends(self) -> tuple[float, ...]:
-        """Positions at which the curvature begins to change, or does so otherwise, m."""
+        """Positions at which the slope of the curvature changes, m."""
         return self.line.knots
 
     def position(self, time: float) -> float:
@@ -86,7 +86,7 @@ class Machine:
         return self.travel.position(time)
 
     def time_at(self, position: float) -> float:
-        """Time at which the slice first comes to `position` (m), s; inf if it never does."""
+        """Time at which the slice first reaches `position` (m), s; inf if it never does."""
         return self.travel.time_at(position)
 
     def speed(self, time: float) -> float:
@@ -94,9 +94,9 @@ class Machine:
         return self.travel.speed(time)
 
     def speed_between(self, first: float, last: float) -> float:
-        """Mean casting speed between two positions (m), m/s; the slice must come beyond the first.
+        """Mean casting speed between two positions (m), m/s; the slice must pass the first.
 
-        Where it stands for good before the second, that is the mean until it stands.
+        If it stops for good before the second, this is the mean until it stops.
         """
         if isinstance(self.travel, Steady):
             return self.travel.speed(0.0)
@@ -104,7 +104,7 @@ class Machine:
         return (self.position(end) - first) / (end - start)
 
     def time_near(self, position: float) -> float:
-        """Time at which the slice comes to `position` (m), or stands for good short of it, s."""
+        """Time at which the slice reaches `position` (m), or stops for good before it, s."""
         time = self.time_at(position)
         return time if time < math.inf else self.kinks[-1]
 
@@ -113,14 +113,14 @@ class Machine:
         return self.travel.mean_speed(time)
 
     def window_time(self, length: float) -> float:
-        """How long the slice takes for a length (m) at its fastest, s."""
+        """Shortest time of the slice for a length (m), s."""
         return length / self.travel.fastest
 
     def window(self, time: float, length: float) -> float:
-        """How long the slice takes from `time` (s) for a length (m), s.
+        """Time of the slice from `time` (s) for a length (m), s.
 
-        Where the strand creeps or stands, no longer than ten times what it takes at its fastest:
-        the slice cools there, too.
+        Where the strand is slow or stands, at most ten times the shortest time, since the slice
+        also cools there.
         """
         needed = self.time_at(self.position(time) + length) - time
         return min(needed, STANDING * self.window_time(length))
@@ -128,12 +128,12 @@ class Machine:
     def height(self, position: float) -> float:
         """Height of the liquid above the middle of the strand at `position` (m), m.
 
-        That is the integral of cos(inclination) along the strand.
+        This is the integral of cos(inclination) along the strand.
         """
         return self.line.height(position)
 
     def curvature(self, position: float, face: Face | None = None) -> float:
-        """Curvature 1/R of a face at `position` (m), 1/m; by default of that the radii are of."""
+        """Curvature 1/R of a face at `position` (m), 1/m; by default of the radii's face."""
         return self.line.curvature(position, face)
 
     def inclination(self, position: float) -> float:
@@ -150,19 +150,19 @@ class Machine:
 
 @dataclass(frozen=True, slots=True)
 class OverTime:
-    """What is tabulated over position or casting speed, as the slice meets it."""
+    """A table over position or casting speed as a function of the slice's time."""
 
-    table: Table  #: over one of the two
-    machine: Machine  #: has both over time
+    table: Table  #: table over one of the two
+    machine: Machine  #: gives both over time
 
     def __call__(self, time: float) -> float:
-        """The value where the slice is, or at the speed that it has, at `time` (s)."""
+        """Value at the position, or speed, of the slice at `time` (s)."""
         met = self.machine.speed if self.table.over == "speed" else self.machine.position
         return self.table(met(time))
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """When the slice comes to the rows of the table, s; rows it never comes to left out."""
+        """Times at which the slice reaches the rows of the table, s, as far as it does."""
         if self.table.over == "speed":
             return tuple(_speeds_met(self.table.arguments, self.machine))
         times = (self.machine.time_at(position) for position in self.table.arguments)
@@ -170,14 +170,14 @@ class OverTime:
 
 
 def over_time(value: float | Table, machine: Machine) -> Constant | Table | OverTime:
-    """Return a number, or a table over time, position or casting speed, over the time in s."""
+    """Convert a number, or a table over time, position or speed, to a function of time, s."""
     if isinstance(value, Table) and value.over in ("position", "speed"):
         return OverTime(value, machine)
     return as_function(value)
 
 
 def _speeds_met(speeds: tuple[float, ...], machine: Machine) -> list[float]:
-    """Instants at which the casting speed comes to given ones, m/s, up to its last kink."""
+    """Times at which the casting speed reaches given values, m/s, up to its last kink."""
     times, found = (0.0, *machine.kinks), []
     for before, after in itertools.pairwise(times):
         begun, ended = machine.speed(before), machine.speed(after)

@@ -1,7 +1,7 @@
-"""What rolls do to the strand between them: nothing, bend it, hold its curvature, straighten it.
+"""Phases of the strand between its rolls: straight, bending, constant curvature, straightening.
 
-That is by the design of the machine. A roll that is off bends and straightens the strand as well,
-on a stretch of its own.
+They follow from the design of the machine. A misaligned roll bends and straightens the strand as
+well, on a stretch of its own.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ Kind = Literal["vertical", "bending", "arc", "straightening", "straight"]
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """Rolls between which the curvature goes one way."""
+    """Consecutive rolls between which the curvature changes in one direction."""
 
-    kind: Kind  #: what they do
-    first: int  #: index of the pair at its beginning
-    last: int  #: at its end
+    kind: Kind  #: kind of phase
+    first: int  #: index of the pair at its start
+    last: int  #: index of the pair at its end
 
 
 @dataclass(frozen=True, slots=True)
 class OffStretch:
-    """Rolls between which the strand follows rolls that are off."""
+    """Consecutive rolls between which the strand follows misaligned ones."""
 
-    off: tuple[int, ...]  #: numbers of the rolls that are off, from 1 on
-    first: int  #: index of the pair at its beginning
-    last: int  #: at its end
+    off: tuple[int, ...]  #: numbers of the misaligned rolls, from 1
+    first: int  #: index of the pair at its start
+    last: int  #: index of the pair at its end
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the stretch."""
         return f"roll{'s' if len(self.off) > 1 else ''} {', '.join(map(str, self.off))} off"
 
 
 def off_stretches(rolls: Rolls) -> list[OffStretch]:
-    """Return the stretches whose curvature a roll that is off changes, from top to bottom.
+    """Return the stretches whose curvature a misaligned roll changes, from top to bottom.
 
-    It is changed at the roll and at the pairs beside it, so that the strand bends from the second
-    pair above to the second below. Stretches that overlap are one.
+    It changes at the roll and its neighbours, so that the strand bends from the second pair above
+    to the second below. Overlapping stretches are joined.
     """
     held, found = rolls.there, list[OffStretch]()
     for k, index in enumerate(held):
@@ -58,7 +58,7 @@ def off_stretches(rolls: Rolls) -> list[OffStretch]:
 
 
 def phases(rolls: Rolls) -> list[Phase]:
-    """Return the phases from the first roll to the last, as the machine is designed."""
+    """Return the phases from the first roll to the last, according to the design."""
     radii = [pair.radius if pair.designed is None else pair.designed for pair in rolls.pairs]
     chi = [1.0 / radius for radius in radii]
     hair = 1e-6 * max((abs(k) for k in chi), default=0.0)
@@ -73,7 +73,7 @@ def phases(rolls: Rolls) -> list[Phase]:
 
 
 def _kind(chi: Sequence[float], i: int, hair: float, straightened: bool) -> Kind:
-    """What happens between a pair and the one before; a change below `hair` (1/m) is none."""
+    """Kind of phase between a pair and the one before; changes below `hair` (1/m) do not count."""
     change = chi[i] - chi[i - 1]
     if abs(change) > hair:
         return "bending" if change > 0.0 else "straightening"

@@ -1,4 +1,4 @@
-"""The rolls of a machine: pairs, read from columns or a CSV file, or expanded from segments."""
+"""The rolls of a machine: pairs, from columns, a CSV file, or segments."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ KINDS: dict[str, Kind] = {
 }
 RADII = tuple(f"radius_{face}" for face in FACES)
 COLUMNS = ("position", "diameter", "aperture", *RADII, "driven", "capacity", "side")
-_OF_EDGE = ("position", "diameter", "aperture")  # columns that a pair at the narrow faces has
+_OF_EDGE = ("position", "diameter", "aperture")  # columns of a pair at the narrow faces
 _HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
-_SIZES = 5.0  # how many times as large as the section, or as small, an aperture may be
+_SIZES = 5.0  # largest ratio of aperture and section, either way
 _YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
 
 
@@ -34,21 +34,22 @@ _YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
 class Pair:
     """A pair of rolls."""
 
-    position: float  #: from the meniscus along the strand, m
-    diameter: float  #: of its rolls, m
-    radius: float = math.inf  #: of the strand there, m; inf where it is straight
-    aperture: float | None = None  #: between its rolls, m; None for the thickness of the section
-    driven: bool = False  #: whether it draws the strand
-    capacity: float | None = None  #: with what force at most, N; None if that is not given
-    offset: float = 0.0  #: how far it is off towards the centre of curvature, m
-    locked: bool = False  #: whether it does not turn
-    lost: bool = False  #: whether it is not there; the radius is that of the strand all the same
-    #: radius of the strand there without rolls that are off or lost, m; None where that is `radius`
+    position: float  #: position along the strand from the meniscus, m
+    diameter: float  #: diameter of its rolls, m
+    radius: float = math.inf  #: radius of the strand there, m; inf where it is straight
+    #: distance between its rolls, m; None for the thickness of the section
+    aperture: float | None = None
+    driven: bool = False  #: whether it is driven
+    capacity: float | None = None  #: largest drive force, N; None if unknown
+    offset: float = 0.0  #: displacement towards the centre of curvature, m
+    locked: bool = False  #: whether it is locked
+    lost: bool = False  #: whether it is missing; the radius is still that of the strand
+    #: radius of the strand there without misaligned or missing rolls, m; None if equal to `radius`
     designed: float | None = None
 
     @property
     def defect(self) -> str:
-        """What is wrong with it, in words; empty for nothing."""
+        """Description of its defect; "" for none."""
         off = f"{1e3 * self.offset:g} mm off" if self.offset else ""
         listed = (off, "locked" if self.locked else "", "lost" if self.lost else "")
         return ", ".join(word for word in listed if word)
@@ -56,30 +57,31 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Rolls:
-    """All pairs of rolls in casting order, those of the wide faces and those at the narrow ones."""
+    """All pairs of rolls in casting order, those of the wide faces and those of the narrow ones."""
 
     pairs: tuple[Pair, ...]  #: from the mould on
-    face: Face = "extrados"  #: of which the radii are, and along which positions are measured
-    #: where each pair was written, for messages
+    #: face to which the radii refer, and along which positions are measured
+    face: Face = "extrados"
+    #: where each pair was defined, for messages
     places: tuple[str, ...] = field(default=(), compare=False)
-    edges: Rolls | None = None  #: the pairs that bear the narrow faces; None without any
+    edges: Rolls | None = None  #: the pairs at the narrow faces; None without any
 
     def place(self, index: int) -> str:
-        """Where a pair was written, for messages."""
+        """Where a pair was defined, for messages."""
         return self.places[index] if index < len(self.places) else f"roll {index + 1}"
 
     @property
     def there(self) -> tuple[int, ...]:
-        """Indices of the pairs that hold the strand: of all but those that are lost."""
+        """Indices of the pairs that hold the strand: all except missing ones."""
         return tuple(i for i, pair in enumerate(self.pairs) if not pair.lost)
 
     def aperture(self, index: int, thickness: float) -> float:
-        """Aperture of a pair, the section's thickness where none is given, m."""
+        """Aperture of a pair, m; the section's thickness if none is given."""
         given = self.pairs[index].aperture
         return thickness if given is None else given
 
     def line(self, thickness: float) -> Bent:
-        """The line of a strand of a thickness (m) between these rolls."""
+        """The line of a strand of some thickness (m) between these rolls."""
         apertures = [self.aperture(i, thickness) for i in range(len(self.pairs))]
         return Bent(
             [pair.position for pair in self.pairs],
@@ -91,7 +93,7 @@ class Rolls:
     def clearance(self, index: int, thickness: float) -> float:
         """Clear distance of a pair's rolls from those before on the tighter side, m.
 
-        That is the intrados, on whose arcs the axes of the rolls lie closer.
+        This is the intrados, on whose arcs the axes of the rolls are closer together.
         """
         before, pair = self.pairs[index - 1], self.pairs[index]
         mean = 0.5 * (1.0 / before.radius + 1.0 / pair.radius)
@@ -101,10 +103,10 @@ class Rolls:
 
 
 def read_rolls(given: Mapping[str, Any]) -> Rolls:
-    """Return the rolls in a file, `{ file = "rolls.csv" }`, or in columns.
+    """Return the rolls from a file, `{ file = "rolls.csv" }`, or from columns.
 
     Raises:
-        ValueError: A file, a column or a cell is not as it must be; it names file and row.
+        ValueError: A file, a column or a cell is invalid; the message names file and row.
     """
     if "file" in given:
         if len(given) > 1:
@@ -135,8 +137,8 @@ def _from_file(path: Path) -> Rolls:
     for row in file.rows:
         if len(row.cells) != width:
             raise ValueError(
-                f"'{path}' line {row.line}: {len(row.cells)} cells, the header has {width}; leave "
-                "a cell empty rather than out"
+                f"'{path}' line {row.line}: {len(row.cells)} cells, the header has {width}; write "
+                "an empty cell for a missing value"
             )
     names = [heading.name for heading in file.headings]
     if twice := next((name for name in names if names.count(name) > 1), None):
@@ -151,13 +153,13 @@ def _from_file(path: Path) -> Rolls:
 
 
 class _ColumnError(ValueError):
-    """A column, not a row, is not as it must be."""
+    """A whole column, not a row, is invalid."""
 
 
 def _from_columns(
     columns: Mapping[str, Sequence[Any]], units: Mapping[str, str], places: tuple[str, ...]
 ) -> Rolls:
-    """Return the rolls; `units` are those of bare numbers, `places` begin where a row is."""
+    """Return the rolls; `units` are those of plain numbers, `places` those of the rows."""
     radius = _known(columns, units)
     found: dict[bool, tuple[list[Pair], list[str]]] = {False: ([], []), True: ([], [])}
     for i, place in enumerate(places):
@@ -181,7 +183,7 @@ def _from_columns(
 
 
 def _at_edge(cells: Mapping[str, tuple[Any, str]]) -> bool:
-    """Whether a row is a pair at the narrow faces, which has no more than where it stands."""
+    """Whether a row is a pair at the narrow faces, which has only a position and sizes."""
     side = str(cells["side"][0]).strip() if "side" in cells else ""
     if side not in ("", "wide", "narrow"):
         raise ValueError(f"side ({side}): wide, as without it, or narrow")
@@ -208,17 +210,19 @@ def _known(columns: Mapping[str, Sequence[Any]], units: Mapping[str, str]) -> st
             )
     for name in ("driven", "side"):
         if units.get(name):
-            raise _ColumnError(f"column '{name}' has words, and no unit; leave out {units[name]}")
+            raise _ColumnError(
+                f"column '{name}' holds words and has no unit; leave out {units[name]}"
+            )
     for name in ("position", "diameter"):
         if name not in columns:
-            raise _ColumnError(f"column '{name}' is missing; such as {_HEADER}")
+            raise _ColumnError(f"column '{name}' is missing; an example header: {_HEADER}")
     given = [name for name in RADII if name in columns]
     if len(given) > 1:
         raise _ColumnError(f"{' and '.join(given)}: give the radius of one face")
     lengths = {name: len(cells) for name, cells in columns.items()}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{n} of {name}" for name, n in lengths.items())
-        raise _ColumnError(f"columns of different lengths: {listed}")
+        raise _ColumnError(f"columns differ in length: {listed}")
     if not lengths["position"]:
         raise _ColumnError("no rolls; a machine without rolls needs no [machine]")
     return given[0] if given else None
@@ -246,7 +250,7 @@ def _pair(cells: Mapping[str, tuple[Any, str]], radius: str | None) -> Pair:
 
 
 def _quantity(name: str, cell: Any, unit: str, kind: Kind) -> float:
-    """Read a cell, in the unit of its column where it has none itself."""
+    """Read a cell, in the unit of its column if it has none."""
     text = str(cell).strip()
     try:
         if not text:
@@ -270,9 +274,9 @@ def _flag(cell: Any) -> bool:
 
 
 def columns_of(rolls: Rolls) -> dict[str, Any]:
-    """Return the columns from which `read_rolls` reads the same rolls, but for their defects.
+    """Return the columns from which `read_rolls` reads the same rolls, without their defects.
 
-    A roll where the strand is bent the other way has no radius that could be written: none is.
+    A roll where the strand is bent the other way has no radius that a file may contain: left out.
     """
     narrow = () if rolls.edges is None else rolls.edges.pairs
     pairs, radius = (*rolls.pairs, *narrow), KINDS["radius"]
@@ -299,15 +303,15 @@ class Segment:
     """Rolls of one pitch and diameter."""
 
     rolls: int  #: number of pairs
-    pitch: float  #: from the pair before to each, m
-    diameter: float  #: m
-    #: at its last pair, m: 1/R goes there linearly from the segment before
+    pitch: float  #: distance of each from the pair before, m
+    diameter: float  #: diameter, m
+    #: radius at its last pair, m: 1/R is linear from the previous segment
     radius: float = math.inf
-    aperture: float | None = None  #: m; None for the thickness of the section
+    aperture: float | None = None  #: aperture, m; None for the thickness of the section
 
 
 def expand(segments: Sequence[Segment], first: float, face: Face = "extrados") -> Rolls:
-    """Return the rolls of segments one after another, the first at `first` (m)."""
+    """Return the rolls of successive segments, the first at `first` (m)."""
     pairs: list[Pair] = []
     position, chi = first, 1.0 / segments[0].radius
     for segment in segments:
@@ -323,22 +327,22 @@ def expand(segments: Sequence[Segment], first: float, face: Face = "extrados") -
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Why a pair cannot be there."""
+    """Reason why a pair is impossible."""
 
-    index: int  #: of the pair
-    kind: str  #: what is wrong, the same word for the same of several pairs
-    text: str  #: for messages
+    index: int  #: index of the pair
+    kind: str  #: kind of fault, equal for equal faults of several pairs
+    text: str  #: message
 
 
 def faults(
     rolls: Rolls, thickness: float, mould_end: float | None, at: str = "intrados"
 ) -> Iterator[Fault]:
-    """Yield each pair that cannot be there, and why.
+    """Yield each impossible pair with its fault.
 
     Args:
         rolls: The pairs.
-        thickness: Of the section between them, m.
-        mould_end: From the meniscus, m; None without a mould.
+        thickness: Thickness of the section between them, m.
+        mould_end: End of the mould from the meniscus, m; None without a mould.
         at: The face at which they are nearest to each other.
     """
     first = rolls.pairs[0].position
@@ -353,7 +357,7 @@ def faults(
 
 
 def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
-    """Yield an aperture of other units, or a radius within which the rolls have no room."""
+    """Yield an aperture in wrong units, or a radius that leaves the rolls no room."""
     pair, aperture = rolls.pairs[index], rolls.aperture(index, thickness)
     if not thickness / _SIZES <= aperture <= thickness * _SIZES:
         text = f"the section between the rolls measures {1e3 * thickness:g} mm; is its unit right?"
@@ -371,14 +375,14 @@ def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
 
 
 def _after(rolls: Rolls, index: int, thickness: float, at: str) -> Iterator[Fault]:
-    """Yield what does not fit the pair before."""
+    """Yield conflicts with the previous pair."""
     before, pair = rolls.pairs[index - 1], rolls.pairs[index]
     pitch = pair.position - before.position
     if pitch <= 0.0:
         yield Fault(
             index,
             "order",
-            f"position ({pair.position:g} m) does not lie below the roll before "
+            f"position ({pair.position:g} m) does not lie below the previous roll "
             f"({before.position:g} m); give the rolls in casting order",
         )
         return
@@ -387,7 +391,7 @@ def _after(rolls: Rolls, index: int, thickness: float, at: str) -> Iterator[Faul
         yield Fault(
             index,
             "overlap",
-            f"diameter ({1e3 * pair.diameter:g} mm) overlaps the roll before by "
+            f"diameter ({1e3 * pair.diameter:g} mm) overlaps the previous roll by "
             f"{-1e3 * clear:.3g} mm at the {at}, {1e3 * pitch:.4g} mm below it; make the rolls "
             "thinner or the pitch longer",
         )

@@ -1,4 +1,4 @@
-"""A strand between its rolls seen from the side, and slices of it placed in space."""
+"""Side view of a strand between its rolls, and positions of its slices in space."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from castfem.physics.machine.rolls import Rolls
 
 
 class Side:
-    """The strand seen from its side: points of its faces by position.
+    """Side view of the strand: points of its faces by position.
 
-    Points are away from the mould, towards the horizontal part, and up from the meniscus, m.
+    Points are distance from the mould, towards the horizontal part, and height from the meniscus,
+    m.
 
     Args:
-        rolls: What holds it.
-        thickness: Of the section, m.
-        least: Position it goes to at least, m.
+        rolls: The rolls.
+        thickness: Thickness of the section, m.
+        least: Smallest position of its end, m.
 
     Attributes:
         s: Positions (n,), m. extrados, intrados: Points of the faces there (n, 2), m.
@@ -38,11 +39,11 @@ class Side:
         self.intrados = self.extrados + thick * self.inward
 
     def at(self, points: Array, position: float) -> Array:
-        """A line's point at a position (2,), m."""
+        """Point (2,) of a line at a position, m."""
         return np.array([np.interp(position, self.s, column) for column in points.T])
 
     def across(self, position: float, beyond: float) -> Array:
-        """Ends (2, 2) of a line across the strand and as far beyond its faces as given, m."""
+        """Ends (2, 2) of a line across the strand and some distance beyond its faces, m."""
         out, inside = self.at(self.extrados, position), self.at(self.intrados, position)
         normal = self.at(self.inward, position)
         return np.array([out - beyond * normal, inside + beyond * normal])
@@ -65,11 +66,11 @@ class Side:
         """Points of slices in space.
 
         Args:
-            position: Of the slices (rows,), m.
+            position: Positions of the slices (rows,), m.
             place: x and y of the points in the section (n, 2), m.
 
         Returns:
-            (rows, n, 3), m: away from the mould, across the strand, up.
+            (rows, n, 3), m: distance from the mould, across the strand, upwards.
         """
         middle = 0.5 * (self.extrados + self.intrados)
         centre = np.column_stack([np.interp(position, self.s, column) for column in middle.T])

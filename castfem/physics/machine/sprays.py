@@ -1,10 +1,10 @@
-"""What the strand meets from roll to roll: contact, the shade of the roll, sprays, run-off water.
+"""Cooling from roll to roll: contact, shade of the roll, sprays, run-off water.
 
-Four kinds of heat loss recur all along a caster ([Pascon2003] VI.1.2.3, Fig. 129): contact with a
-roll; its shade, where the strand radiates to rolls and surroundings; the spray between two rolls;
-and its water, which runs down to the next roll and gathers there.
+Four kinds of heat loss alternate along a caster ([Pascon2003] VI.1.2.3, Fig. 129): contact with a
+roll; its shade, where the strand only radiates to rolls and surroundings; the spray between two
+rolls; and its water, which runs down to the next roll and gathers there.
 
-Gaps are numbered by the roll above them, from 1; gap 0 is that above the first roll.
+Gaps are numbered by the roll above them, from 1; gap 0 is above the first roll.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from castfem.physics.machine.rolls import Rolls
 
 Kind = Literal["contact", "shade", "spray", "run_off"]
 KINDS: tuple[Kind, ...] = ("contact", "shade", "spray", "run_off")
-_SHORTEST = 1e-6  # m; less is what rounding makes of one and the same place
+_SHORTEST = 1e-6  # m; less is rounding of the same position
 
 
 def footprint(stand_off: float, angle: float) -> float:
-    """Size of what a nozzle sprays, w = 2 h tan(angle/2) (304), m.
+    """Size of the sprayed area of a nozzle, w = 2 h tan(angle/2) (304), m.
 
     Args:
         stand_off: Distance h of the nozzle from the surface, m.
-        angle: Of the spray, across the strand or along it, rad.
+        angle: Spray angle, across the strand or along it, rad.
     """
     return 2.0 * stand_off * math.tan(0.5 * angle)
 
 
 def longest_spray(clear: float, stand_off: float, diameter: float) -> float:
-    """Length along the strand that a nozzle can reach between two rolls, 2 e h/(2 h - d) (305), m.
+    """Longest spray along the strand between two rolls, 2 e h/(2 h - d) (305), m.
 
     Args:
         clear: Clear distance e of the rolls, m.
-        stand_off: Distance h of the nozzle from the surface, m, above their axes.
-        diameter: Of the rolls, m.
+        stand_off: Distance h of the nozzle from the surface, m, which is beyond their axes.
+        diameter: Diameter of the rolls, m.
 
     Raises:
-        ValueError: The nozzle does not stand above the axes of the rolls.
+        ValueError: The nozzle is not beyond the axes of the rolls.
     """
     if not 2.0 * stand_off > diameter:
         raise ValueError("the nozzle stands between the rolls, below their axes")
@@ -50,16 +50,16 @@ def longest_spray(clear: float, stand_off: float, diameter: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """The clear distance between two pairs of rolls."""
+    """The clear gap between two pairs of rolls."""
 
     above: int  #: number of the pair above it, from 1
-    middle: float  #: of the clear distance, from the meniscus, m
-    clear: float  #: on the tighter side, m
-    diameter: float  #: of the thinner rolls, m: these limit a spray more
+    middle: float  #: middle of the gap, from the meniscus, m
+    clear: float  #: clear distance on the tighter side, m
+    diameter: float  #: smaller diameter of the rolls, which limits a spray more, m
 
 
 def gap_below(rolls: Rolls, number: int, thickness: float) -> Gap:
-    """Return the gap below a pair (from 1) of rolls that hold a section of a thickness, m."""
+    """Return the gap below a pair (from 1) of rolls around a section of some thickness, m."""
     upper, lower = rolls.pairs[number - 1], rolls.pairs[number]
     ends = upper.position + 0.5 * upper.diameter, lower.position - 0.5 * lower.diameter
     return Gap(
@@ -74,11 +74,11 @@ def gap_below(rolls: Rolls, number: int, thickness: float) -> Gap:
 class Row:
     """The nozzles of a circuit in one gap."""
 
-    circuit: str  #: its name
+    circuit: str  #: name of the circuit
     gap: int  #: number of the roll above
-    start: float  #: where their sprays begin, from the meniscus, m
-    end: float  #: where they end, m
-    share: float = 1.0  #: of the water that these nozzles are meant to have
+    start: float  #: start of their sprays, from the meniscus, m
+    end: float  #: end of their sprays, m
+    share: float = 1.0  #: water of these nozzles over the nominal one
 
 
 def scale_water(
@@ -86,15 +86,14 @@ def scale_water(
 ) -> tuple[Row, ...]:
     """Return the rows with another share of water in those of a circuit between two rolls.
 
-    The other nozzles of the circuit go on as before: these ones are worn or clogged, or are given
-    more.
+    The other nozzles of the circuit are unchanged: these ones are worn, clogged, or get more.
 
     Args:
         rows: All rows.
         circuit: Name of the circuit.
         first: Number of the roll above the first row, from 1.
         last: Number of the roll below the last row.
-        share: Of the water that they are meant to have, such as 0.66.
+        share: Water over the nominal one, such as 0.66.
 
     Raises:
         ValueError: The circuit has no nozzles there, or the share is negative.
@@ -114,12 +113,12 @@ def scale_water(
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A length of strand that loses heat in one way."""
+    """A length of strand with one kind of heat loss."""
 
-    kind: Kind  #: in which
-    start: float  #: from the meniscus, m
-    end: float  #: likewise
-    gap: int  #: number of the roll above; of contact the number of the roll
+    kind: Kind  #: kind of heat loss
+    start: float  #: start, from the meniscus, m
+    end: float  #: end, from the meniscus, m
+    gap: int  #: number of the roll above; for contact the number of the roll
     rows: tuple[int, ...] = ()  #: indices of the rows that spray it
 
 
@@ -131,14 +130,14 @@ def stretches(
     *,
     gathers: Callable[[int], bool],
 ) -> tuple[Stretch, ...]:
-    """Return what a face meets between two positions, in casting order and without holes.
+    """Return the stretches of a face between two positions, in casting order, without gaps.
 
     Args:
-        contacts: Where it touches each roll, m; where it touches none, two times the same place.
+        contacts: Where it touches each roll, m; twice the same position for no contact.
         rows: Nozzles that spray it.
-        start: From the meniscus, m.
-        end: Likewise.
-        gathers: Whether in a gap water runs on from a spray to the next roll, and gathers there.
+        start: Start, from the meniscus, m.
+        end: End, from the meniscus, m.
+        gathers: Whether, in a gap, water runs on from a spray to the next roll and gathers there.
     """
     found = [
         piece

@@ -1,4 +1,4 @@
-"""Words on a position along the strand: the nearest roll, and what the rolls do there."""
+"""Description of a position along the strand: nearest roll, and phase of the machine."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Rolls
 
 MOULD, BELOW = "mould", "below the mould"
-_OFF, _DESIGNED = "offset", "radius_designed"  # columns of rolls that are off, m
+_OFF, _DESIGNED = "offset", "radius_designed"  # columns of misaligned rolls, m
 
 
 @dataclass(frozen=True, slots=True)
 class Stations:
-    """The rolls as a strand passes them, or none."""
+    """The rolls along a strand, or none."""
 
-    rolls: Rolls | None = None  #: from the mould on; None of a machine that has none
-    thickness: float = 0.0  #: of the section, m
-    mould_exit: float | None = None  #: m from the meniscus; None without a mould
+    rolls: Rolls | None = None  #: from the mould on; None without rolls
+    thickness: float = 0.0  #: thickness of the section, m
+    mould_exit: float | None = None  #: end of the mould, m from the meniscus; None without a mould
 
     @classmethod
     def of_columns(
@@ -32,7 +32,7 @@ class Stations:
         thickness: float | None = None,
         mould_exit: float | None = None,
     ) -> Stations:
-        """Those of rolls as `columns` gives them."""
+        """Make those of rolls from `columns`."""
         if rolls is None:
             return cls(None, thickness or 0.0, mould_exit)
         from castfem.physics.machine.rolls import read_rolls
@@ -48,7 +48,7 @@ class Stations:
         return cls(found, thickness or 0.0, mould_exit)
 
     def columns(self) -> dict[str, Any] | None:
-        """Return the rolls as columns, those that are off as well; None without rolls."""
+        """Return the rolls as columns, with displacements of misaligned ones; None without any."""
         if self.rolls is None:
             return None
         from castfem.physics.machine.rolls import columns_of
@@ -67,7 +67,7 @@ class Stations:
         return int(np.argmin([abs(pair.position - position) for pair in self.rolls.pairs]))
 
     def pitch(self, position: float) -> float:
-        """Distance between the pairs around a position, beyond all that of the nearest two, m."""
+        """Roll pitch around a position, m; beyond the rolls that of the nearest two."""
         assert self.rolls is not None and len(self.rolls.pairs) > 1
         places = [pair.position for pair in self.rolls.pairs]
         i = int(np.clip(np.searchsorted(places, position, side="left"), 1, len(places) - 1))
@@ -75,20 +75,20 @@ class Stations:
 
     @property
     def longest_pitch(self) -> float:
-        """Largest distance of two pairs that follow one another, m; 0 without."""
+        """Largest roll pitch, m; 0 without rolls."""
         if self.rolls is None or len(self.rolls.pairs) < 2:
             return 0.0
         return float(np.diff([pair.position for pair in self.rolls.pairs]).max())
 
     def aperture(self, position: float) -> float:
-        """Aperture at a position, linear between the pairs, m."""
+        """Aperture at a position, m, linear between the pairs."""
         assert self.rolls is not None
         pairs = self.rolls.pairs
         apertures = [self.rolls.aperture(i, self.thickness) for i in range(len(pairs))]
         return float(np.interp(position, [pair.position for pair in pairs], apertures))
 
     def phase(self, position: float) -> str:
-        """What is done to the strand at a position: mould, bending, arc, "roll 30 off" ..."""
+        """Phase of the strand at a position: mould, bending, arc, "roll 30 off" ..."""
         if self.mould_exit is not None and position <= self.mould_exit:
             return MOULD
         if self.rolls is None:
@@ -102,21 +102,21 @@ class Stations:
             start, end = pairs[off.first].position, pairs[off.last].position
             if not same_or_before(position, start) and same_or_before(position, end):
                 return off.name
-        # A roll belongs to what ends there.
+        # A roll belongs to the phase that ends there.
         for phase in found:
             if same_or_before(position, pairs[phase.last].position):
                 return phase.kind
         return found[-1].kind
 
     def words(self, position: float, time: float | None = None) -> str:
-        """Position, nearest roll, time (s), phase: "16.73 m (roll 57), 836 s, straightening"."""
+        """Description of a position, "16.73 m (roll 57), 836 s, straightening"; time in s."""
         near, phase = self.nearest(position), self.phase(position)
         roll = "" if near is None or phase == MOULD else f" (roll {near + 1})"
         when = "" if time is None else f", {time:.4g} s"
         return f"{position:.2f} m{roll}{when}, {phase}"
 
     def between(self, start: float, end: float) -> str:
-        """From where to where, with the rolls."""
+        """Description of a range of positions, with the rolls."""
         rolls = [self.nearest(start), self.nearest(end)]
         if rolls[0] is None or rolls[1] is None:
             return f"{start:.2f} to {end:.2f} m"

@@ -1,4 +1,4 @@
-"""How far a slice has come at a time: the casting speed and its integral."""
+"""Position of a slice over time: the casting speed and its integral."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from castfem.base.constants import EXACT
 
 
 class Travel(Protocol):
-    """The way of a slice that is at the meniscus at time 0."""
+    """Position over time of a slice that is at the meniscus at time 0."""
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Instants at which the acceleration changes, s."""
+        """Times at which the acceleration changes, s."""
 
     @property
     def fastest(self) -> float:
@@ -24,13 +24,13 @@ class Travel(Protocol):
 
     @property
     def slowest(self) -> float:
-        """Smallest casting speed, m/s; 0 where the strand stands for a while."""
+        """Smallest casting speed, m/s; 0 if the strand stands for a while."""
 
     def position(self, time: float) -> float:
         """Position below the meniscus at `time` (s), m."""
 
     def time_at(self, position: float) -> float:
-        """Time at which the slice first comes to `position` (m), s; inf if it never does."""
+        """Time at which the slice first reaches `position` (m), s; inf if it never does."""
 
     def speed(self, time: float) -> float:
         """Casting speed at `time` (s), m/s."""
@@ -43,10 +43,10 @@ class Steady:
     """A constant casting speed.
 
     Args:
-        speed: m/s, positive.
+        speed: Casting speed, m/s, positive.
 
     Raises:
-        ValueError: It is not.
+        ValueError: The speed is not positive.
     """
 
     kinks: tuple[float, ...] = ()
@@ -74,16 +74,16 @@ class Steady:
 
 
 class Changing:
-    """A casting speed that is linear between some instants and constant before and after them.
+    """A casting speed that is linear between given times and constant outside them.
 
-    The position is its integral, exactly: a parabola between two instants.
+    The position is its exact integral: a parabola between two times.
 
     Args:
-        times: Increasing, s; the slice is at the meniscus at time 0.
-        speeds: At these instants, m/s; never negative, 0 where the strand stands.
+        times: Increasing times, s; the slice is at the meniscus at time 0.
+        speeds: Speeds at these times, m/s; not negative, 0 where the strand stands.
 
     Raises:
-        ValueError: They cannot be used.
+        ValueError: Times or speeds are invalid.
     """
 
     def __init__(self, times: Sequence[float], speeds: Sequence[float]) -> None:
@@ -127,8 +127,8 @@ class Changing:
     def time_at(self, position: float) -> float:
         """See `Travel`."""
         hair = EXACT * abs(position)
-        # Near the place where the strand stops the parabola is flat: what rounding makes of that
-        # place would be an instant of its own, a hair before the stop.
+        # Near a stop the parabola is flat: rounding of the position would give a time just before
+        # the stop.
         i = bisect_left(self._positions, position - hair)
         if i < len(self._positions) and self._positions[i] <= position + hair:
             return self._times[i]
@@ -146,14 +146,14 @@ class Changing:
         return self.position(time) / time if time > 0.0 else self._speeds[0]
 
     def _acceleration(self, i: int) -> float:
-        """In the segment that begins at an instant, m/s2; 0 after the last."""
+        """Acceleration in the segment that begins at a time, m/s2; 0 after the last."""
         if i + 1 >= len(self._times):
             return 0.0
         return (self._speeds[i + 1] - self._speeds[i]) / (self._times[i + 1] - self._times[i])
 
 
 def _between(times: Sequence[float], speeds: Sequence[float], time: float) -> float:
-    """The speed at a time: linear between the instants, constant beyond."""
+    """Speed at a time: linear between the given times, constant outside."""
     i = bisect_right(times, time)
     if i == 0 or i == len(times):
         return speeds[min(i, len(times) - 1)]

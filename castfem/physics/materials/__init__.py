@@ -1,6 +1,6 @@
 """Steels: iron-carbon equilibrium, and property data with their sources.
 
-`load_steel` is the way in; the sets shipped with castfem are the TOML files in `data/`.
+`load_steel` is the entry point; the sets shipped with castfem are the TOML files in `data/`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Equilibrium of iron with carbon, manganese and silicon: the lever rule for every element.
 
-Crystals take less of each element than the liquid has. While steel freezes both become richer, and
-its freezing point falls: what counts at a solid fraction f is the liquid's content then,
+Crystals contain less of each element than the liquid. During freezing both become richer, and the
+freezing point falls: it depends on the liquid's content at the solid fraction f,
 
     X = X0/(1 - f (1 - k)),
 
@@ -13,8 +13,8 @@ both change a little. Liquid with delta ferrite, and liquid with austenite, each
 are.
 
 Where the liquid beside one solid would freeze to the other there is the peritectic reaction. In the
-database liquid, delta ferrite and austenite are together over 0 to 2 K of each steel; here it is
-one temperature, the lower end, which differs from steel to steel.
+database liquid, delta ferrite and austenite coexist over 0 to 2 K, depending on the steel; here it
+is one temperature, the lower end, which differs from steel to steel.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from castfem.physics.materials.iron_carbon import (
 )
 
 FRACTIONS: Array = np.asarray(np.linspace(1.0, 0.0, 401), float)
-"""Solid fractions at which equilibria are computed, linear in between."""
-HALVINGS = 60  # to rounding
-REACH = 150.0  # K beyond the points of a line, within which it is followed
-GAMMA_REACH = 25.0  # K above the peritectic, within which austenite has carbon beside liquid
+"""Solid fractions at which equilibria are computed, with linear interpolation."""
+HALVINGS = 60  # bisections, to rounding
+REACH = 150.0  # K beyond the points of a line within which it is extrapolated
+GAMMA_REACH = 25.0  # K above the peritectic up to which the austenite line beside liquid is used
 
 
 @dataclass(frozen=True, slots=True)
 class Beside:
-    """What manganese and silicon in a liquid, wt%, do to its equilibrium with a solid."""
+    """Effects of manganese and silicon in a liquid, wt%, on its equilibrium with a solid."""
 
     #: of each its content in the solid over that in the liquid: alone, and what carbon, and the
     #: other of the two, in the liquid add to that, per wt%
@@ -72,7 +72,7 @@ class Beside:
         return [mn, all_si / (r + s * mn)]
 
     def lowered(self, carbon: Array, gathered: list[Array]) -> Array:
-        """How far below that of iron and carbon a liquid of such contents, wt%, freezes, K."""
+        """Freezing point of a liquid with these contents, wt%, below that of iron and carbon, K."""
         both = sum(
             (a + c * carbon) * x
             for a, c, x in zip(self.drop, self.with_carbon, gathered, strict=True)
@@ -99,14 +99,14 @@ BESIDE = (
 class Pair:
     """Liquid of a steel in equilibrium with one solid."""
 
-    liquid: Line  #: of iron and carbon
+    liquid: Line  #: liquidus of iron and carbon
     solid: Line
     beside: Beside
     contents: tuple[float, float]  #: manganese and silicon of the steel, wt%
-    reach: tuple[float, float]  #: of the lines, K
+    reach: tuple[float, float]  #: range of the lines, K
 
     def at(self, solid: npt.ArrayLike, carbon: float) -> tuple[Array, Array, Array]:
-        """Temperature, K, and carbon of liquid and solid, wt%, where a fraction is solid (n,)."""
+        """Temperature, K, and carbon of liquid and solid, wt%, at solid fractions (n,)."""
         f = np.asarray(solid, float)
         low, high = (np.full(f.shape, end) for end in self.reach)
         for _ in range(HALVINGS):
@@ -139,14 +139,14 @@ class Pair:
 
 @dataclass(frozen=True)
 class AlloyedIron:
-    """Equilibrium of a steel with manganese or silicon; told as of `IronCarbon`.
+    """Equilibrium of a steel with manganese or silicon; same interface as `IronCarbon`.
 
     Raises:
-        ValueError: If the carbon content is out of range or the points are out of order.
+        ValueError: The carbon content is out of range, or the points are out of order.
     """
 
-    carbon: float  #: wt%, from 0 to 2.11; a trace below 1e-6 counts as none
-    lines: Lines  #: of iron and carbon, and the transformation of the steel without carbon
+    carbon: float  #: carbon content, wt%, from 0 to 2.11; below 1e-6 it counts as none
+    lines: Lines  #: lines of iron and carbon, and the transformation of the steel without carbon
     contents: tuple[float, float]  #: manganese and silicon, wt%
 
     def __post_init__(self) -> None:
@@ -181,7 +181,7 @@ class AlloyedIron:
 
     @cached_property
     def solid_ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Where delta ferrite, and austenite, are beside liquid and each other: K and wt% C."""
+        """Where delta ferrite, and austenite, coexist with liquid and each other: K and wt% C."""
         near, melting = self.lines.liquid_gamma.first[0], self.lines.liquid_delta.first[0]
         one, found = np.ones(()), []
         for mine, other, start, end in (
@@ -198,7 +198,7 @@ class AlloyedIron:
 
     @cached_property
     def paths(self) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
-        """Of both pairs the temperatures of `FRACTIONS`, rising, K, and the two carbons, wt%."""
+        """Temperatures of `FRACTIONS` for both pairs, rising, K, and the two carbons, wt%."""
         one, other = (pair.at(FRACTIONS, self.carbon) for pair in self.pairs)
         return (np.maximum.accumulate(one[0]), *one[1:]), (
             np.maximum.accumulate(other[0]), *other[1:]
@@ -206,7 +206,7 @@ class AlloyedIron:
 
     @cached_property
     def _ferrite(self) -> Array:
-        """How much delta ferrite would grow from liquid beside austenite, at `FRACTIONS`."""
+        """Growth of delta ferrite from liquid beside austenite, at `FRACTIONS`."""
         one, other = self.pairs
         return one.grows(other, self.paths[1], FRACTIONS)
 
@@ -222,14 +222,14 @@ class AlloyedIron:
 
     @cached_property
     def peritectic(self) -> float:
-        """Temperature of the peritectic reaction, K; of steels without, the nearest."""
+        """Temperature of the peritectic reaction, K; for steels without it the nearest one."""
         if self.austenitic:
             return self.liquidus
         (t_delta, in_delta), (t_gamma, in_gamma) = self.solid_ends
         if self.freezes_in_reaction:
             return float(np.interp(self.carbon, (in_delta, in_gamma), (t_delta, t_gamma)))
         last = int(np.argmax(self._ferrite > 0.0))
-        if last == 0:  # at the end of austenite but for rounding
+        if last == 0:  # at the end of austenite, up to rounding
             return t_gamma
         step = slice(last - 1, last + 1)
         return float(np.interp(0.0, self._ferrite[step], self.paths[1][0][step]))
@@ -248,7 +248,7 @@ class AlloyedIron:
 
     @cached_property
     def _solid_lines(self) -> tuple[Line, Line]:
-        """Delta ferrite and austenite in equilibrium, from pure iron to their ends."""
+        """Delta ferrite and austenite in equilibrium, from pure iron to their end points."""
         start, bends = (self.transformation, 0.0), self.lines.bends
         one, other = self.solid_ends
         return Line(start, one, bends[0]), Line(start, other, bends[1])
@@ -286,7 +286,7 @@ class AlloyedIron:
         return tuple(sorted({t for t in limits if t is not None}))
 
     def phases(self, temperature: npt.ArrayLike, side: Side = "above") -> Phases:
-        """As of `IronCarbon`."""
+        """See `IronCarbon`."""
         t = np.asarray(temperature, float)
         beyond = np.greater_equal if side == "above" else np.greater
         hot = beyond(t, self.peritectic) & (not self.austenitic)
@@ -319,5 +319,5 @@ class AlloyedIron:
     def solid(
         self, t: Array, carbon: Array | float, side: Side = "above"
     ) -> tuple[Array, Array, Array]:
-        """As of `IronCarbon`."""
+        """See `IronCarbon`."""
         return solid_phases(self._solid_lines, t, carbon, side)

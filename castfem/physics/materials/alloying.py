@@ -1,4 +1,4 @@
-"""What alloying does to the iron-carbon diagram: the diagram of a composition, and regressions.
+"""Effects of alloying elements on the iron-carbon diagram, and regressions over the composition.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -19,7 +19,7 @@ from castfem.physics.materials.iron_carbon import (
     Lines,
 )
 
-MAX_ALLOYING = 5.0  # wt% of one element: beyond it linear corrections mean nothing
+MAX_ALLOYING = 5.0  # wt% of one element, above which linear corrections have no meaning
 
 # Drop of the liquidus and the solidus, K per wt%; used by the public PyCasting model [F].
 LIQUIDUS_DROP = {
@@ -42,7 +42,7 @@ FITTED = {"Mn": (17.0, 2.0), "Si": (-38.0, 0.6)}
 
 
 def check_composition(composition: Mapping[str, float]) -> list[str]:
-    """Return what is wrong with a composition in wt%, one text per element ("Mn: ...")."""
+    """Return the faults of a composition in wt%, one text per element ("Mn: ...")."""
     problems = []
     for element, content in composition.items():
         most = MAX_CARBON if element == "C" else MAX_ALLOYING
@@ -52,13 +52,13 @@ def check_composition(composition: Mapping[str, float]) -> list[str]:
 
 
 def diagram_of(composition: Mapping[str, float], name: DiagramName) -> Diagram:
-    """How a composition in wt% freezes, by the name of a diagram.
+    """Return the diagram of a composition in wt%, by the name of a kind of diagram.
 
     Raises:
-        ValueError: As `alloyed`; or a segregated steel has no carbon, or too much of it.
+        ValueError: As for `alloyed`; or a segregated steel has no carbon, or too much of it.
     """
     if name == "segregated":
-        from castfem.physics.materials.microsegregation import segregated  # where asked for
+        from castfem.physics.materials.microsegregation import segregated  # only if needed
 
         return segregated(composition)
     return alloyed(composition, name)
@@ -69,19 +69,19 @@ def alloyed(
 ) -> IronCarbon | AlloyedIron:
     """Iron-carbon diagram shifted by the alloying elements.
 
-    Of the assessed diagram manganese and silicon part between the phases (`AlloyedIron`). For all
-    else our choice: melting point, peritectic and eutectic drop together, by the slopes of the
-    liquidus regression without its carbon term, so that the lines still meet and the lever rule
-    still conserves carbon; the delta-gamma point moves by Won and Thomas' slopes. Segregation of P
-    and S, which lowers the true solidus further, is not in an equilibrium diagram: see
-    `regression_solidus`.
+    In the assessed diagram manganese and silicon partition between the phases (`AlloyedIron`). For
+    all other elements this is our choice: melting point, peritectic and eutectic drop together, by
+    the slopes of the liquidus regression without its carbon term, so that the lines still meet and
+    the lever rule still conserves carbon; the delta-gamma point moves by Won and Thomas' slopes.
+    Segregation of P and S, which lowers the true solidus further, is not part of an equilibrium
+    diagram: see `regression_solidus`.
 
     Args:
         composition: wt% by element symbol; elements left out count as 0.
         diagram: Curves fitted to an assessed database, or the straight lines of the thesis.
 
     Raises:
-        ValueError: If an element is out of range or the shifted diagram is out of order.
+        ValueError: An element is out of range, or the shifted diagram is out of order.
     """
     problems = check_composition(composition)
     if problems:
@@ -121,7 +121,7 @@ def regression_liquidus(composition: Mapping[str, float]) -> float:
 def regression_solidus(composition: Mapping[str, float]) -> float:
     """Solidus in K from a linear regression over the composition in wt%; PyCasting's set [F].
 
-    Meant for C below about 0.17 wt%; unlike the equilibrium diagram it knows what segregated P and
-    S do.  Cu and Al have no coefficient.
+    For C below about 0.17 wt%; unlike the equilibrium diagram it includes the effect of segregated
+    P and S. Cu and Al have no coefficient.
     """
     return REGRESSION_START - sum(SOLIDUS_DROP.get(e, 0.0) * w for e, w in composition.items())

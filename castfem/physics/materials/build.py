@@ -1,4 +1,4 @@
-"""From a material file to a `Steel`: quantities read, laws made, everything checked at once."""
+"""Builds a `Steel` from a material file: reads quantities, makes laws, checks everything."""
 
 from __future__ import annotations
 
@@ -51,29 +51,31 @@ from castfem.physics.materials.steel import Origin, Steel
 CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", "youngs_modulus",
           "poisson_ratio")  # fmt: skip
 NEEDED = ("density", "specific_heat", "conductivity")
-BY_DATABASE = "database"  # formula of what comes from the table of a database
-BY_DIAGRAM = ("lever_rule", "iron_carbon", BY_DATABASE)  # that are the diagram or that table
-BY_PHASE = ("lever_rule", BY_DATABASE)  # solid fractions that agree with an enthalpy by phase
+BY_DATABASE = "database"  # formula of a property that comes from the table of a database
+# formulas that use the diagram or that table
+BY_DIAGRAM = ("lever_rule", "iron_carbon", BY_DATABASE)
+# solid fractions that are consistent with an enthalpy by phase
+BY_PHASE = ("lever_rule", BY_DATABASE)
 
 
 class Faulty(Exception):
-    """An entry could not be used; the problem is noted already."""
+    """An entry could not be used; the problem is already recorded."""
 
 
 @dataclass
 class Workshop:
-    """A steel in the making, and the problems found on the way."""
+    """A steel under construction, with the problems found so far."""
 
     given: MaterialFile  #: the material file
     name: str  #: name of the steel
     composition: Mapping[str, float]  #: wt%
-    #: iron-carbon diagram, None without carbon content; or the table of a database
+    #: iron-carbon diagram, None without carbon content; or the table from a database
     diagram: iron_carbon.Diagram | None = None
-    left_out: tuple[str, ...] = ()  #: elements that are stated, but of which nothing is known
-    problems: list[Problem] = field(default_factory=list)  #: what was found so far
+    left_out: tuple[str, ...] = ()  #: elements that are stated, but have no known effect
+    problems: list[Problem] = field(default_factory=list)  #: problems found so far
 
     def fail(self, *path: str, text: str) -> Faulty:
-        """Note a problem; raise what is returned to give up the entry."""
+        """Record a problem; raise the returned exception to give up the entry."""
         self.problems.append(Problem(path, text))
         return Faulty()
 
@@ -133,13 +135,13 @@ class Workshop:
         if self.diagram is not None:
             return self.diagram
         if any(problem.path[0] == "composition" for problem in self.problems):
-            raise Faulty  # the cause has been told
+            raise Faulty  # the cause has been reported
         raise self.fail(key, text=f"{formula} needs the carbon content, composition.C")
 
     # -- entries ---------------------------------------------------------------------------
 
     def _form(self, key: str, entry: Entry, allowed: tuple[str, ...]) -> str:
-        """Return whether the entry is a "value", a "table" or a "formula"; anything else fails."""
+        """Return whether the entry is a "value", a "table" or a "formula"; refuse others."""
         forms = entry.forms
         if len(forms) != 1:
             found = f"{' and '.join(forms)} exclude each other" if forms else "is empty"
@@ -150,7 +152,7 @@ class Workshop:
         if form != "formula" and entry.parameters:
             raise self.fail(key, "parameters", text="only a formula has parameters")
         if form != "table" and "outside" in entry.model_fields_set:
-            raise self.fail(key, "outside", text="only a table ends somewhere")
+            raise self.fail(key, "outside", text="only a table has ends")
         return form
 
     def _constant(self, key: str, entry: Entry) -> float:
@@ -235,7 +237,7 @@ class Workshop:
         return law
 
     def _heat_of_table(self, curves: dict[str, Property], fraction: SolidFraction | None) -> None:
-        """Put in the specific heat that a table of enthalpies has."""
+        """Set the specific heat that follows from a table of enthalpies."""
         law = curves.get("enthalpy")
         if not isinstance(law, EnthalpyTable) or fraction is None:
             return
@@ -246,7 +248,7 @@ class Workshop:
         curves["specific_heat"] = law.sensible(fraction.solidus, fraction.liquidus)
 
     def _check_range(self, key: str, law: Property) -> None:
-        """Refuse a formula that leaves the bounds of its quantity from 20 to 1700 degC."""
+        """Refuse a formula outside the bounds of its quantity from 20 to 1700 degC."""
         kinks = [t for t in law.kinks if COLDEST < t < HOTTEST]
         t = np.union1d(np.linspace(COLDEST, HOTTEST, 841), kinks)
         for side in ("above", "below"):
@@ -355,7 +357,9 @@ class Workshop:
             return DifferentialExpansion(table)
         if entry.origin is None:
             raise self.fail(
-                key, "origin", text='is missing; where the mean coefficient counts from, "20 degC"'
+                key,
+                "origin",
+                text='is missing; the reference temperature of the mean coefficient, "20 degC"',
             )
         try:
             return MeanExpansion(table, TEMPERATURE.read(entry.origin))
@@ -383,7 +387,7 @@ class Workshop:
             source = entry.source or (formula.source if formula else "")
             status = entry.status if entry.source or not formula else formula.status
             origins[key] = Origin(law, source, status)
-        if "enthalpy" in origins:  # has the specific heat, too, if that is not given
+        if "enthalpy" in origins:  # provides the specific heat, too, if that is not given
             origins.setdefault("specific_heat", origins["enthalpy"])
         return origins
 

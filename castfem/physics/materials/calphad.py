@@ -32,14 +32,14 @@ from castfem.physics.materials.phase_table import (
 
 
 def table_of(request: Request, composition: Mapping[str, float]) -> PhaseTable:
-    """Table of the phases of a steel: a stored one as it is, another computed once and cached.
+    """Return the table of phases of a steel: stored, cached, or computed.
 
     Args:
         request: The database, or a table that was computed from one.
-        composition: wt% by element, the rest iron.
+        composition: wt% by element; the rest is iron.
 
     Raises:
-        ValueError: It cannot be had, in one line; what is said is of the file of the request.
+        ValueError: There is no table; the message, one line, is about the file of the request.
     """
     path = Path(request.file)
     try:
@@ -52,7 +52,7 @@ def table_of(request: Request, composition: Mapping[str, float]) -> PhaseTable:
 
 
 def _stored(data: bytes, request: Request, composition: Mapping[str, float]) -> PhaseTable:
-    """Read a table, which must be of this steel."""
+    """Read a table, which must belong to this steel."""
     table = read(data.decode("utf-8-sig", "replace"))
     asked = {"composition": written(composition), "freezing": request.freezing}
     if request.phases:
@@ -69,36 +69,36 @@ def _stored(data: bytes, request: Request, composition: Mapping[str, float]) -> 
 
 @lru_cache(maxsize=32)
 def _cached(request: Request, composition: str, digest: str) -> PhaseTable:
-    """The table from the user's cache; one process at a time computes what is not there."""
+    """The table from the user's cache; a missing one is computed, by one process at a time."""
     from filelock import FileLock
 
     asked = (FORMAT, digest, composition, request.freezing, *request.phases)
     folder = cache_folder() / "phases"
     file = folder / f"{sha256(repr(asked).encode()).hexdigest()[:24]}.csv"
     amounts = {e: float(w) for e, w in (one.split() for one in composition.split(", ") if one)}
-    with suppress(OSError):  # a cache that cannot be written is done without
+    with suppress(OSError):  # works without a writable cache
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(file.with_suffix(".lock"))
         taken(lock)
         try:
-            with suppress(OSError, ValueError):  # it is not there, or not whole: computed anew
+            with suppress(OSError, ValueError):  # missing or incomplete: computed again
                 return read(file.read_text(encoding="utf-8"))
             name = Path(request.file).name
-            logger.info("phases of the steel by %s are computed, once: some minutes", name)
+            logger.info("computing the phases of the steel by %s, once: some minutes", name)
             text = compute(request, amounts).to_text()
             with suppress(CannotWrite), replacing(file) as temporary:
                 temporary.write_text(text, encoding="utf-8")
-            return read(text)  # so that a run and its repetition have the same digits
+            return read(text)  # so that a run and its repetition use the same digits
         finally:
             lock.release()
     return read(compute(request, amounts).to_text())
 
 
 def compute(request: Request, composition: Mapping[str, float]) -> PhaseTable:
-    """Table of the phases of a steel of a composition in wt%, the rest iron.
+    """Compute the table of phases of a steel with a composition in wt%, the rest iron.
 
     Raises:
-        ValueError: It cannot be had, in one line; what is said is of the database.
+        ValueError: It cannot be computed; the message, one line, is about the database.
     """
     if importlib.util.find_spec("pycalphad") is None:
         raise ValueError(
@@ -118,7 +118,7 @@ def compute(request: Request, composition: Mapping[str, float]) -> PhaseTable:
         "freezing": request.freezing, "phases": " ".join(solve.phases),
         "by": f"pycalphad {pycalphad.__version__}",
     }  # fmt: skip
-    if request.phases:  # of which the elements may not make all
+    if request.phases:  # the elements may not form all of these
         header["choice of phases"] = " ".join(request.phases)
     if outside := ", ".join(beyond_range(text.decode("utf-8", "replace"), amounts)):
         header["outside"] = outside
@@ -130,15 +130,14 @@ def compute(request: Request, composition: Mapping[str, float]) -> PhaseTable:
         columns = _columns(path_of(solve, moles))
         try:
             return PhaseTable(MappingProxyType(header), *columns)
-        except ValueError as error:  # a state was not the most stable one: with more starts again
+        # a state was not the most stable one: try again with more starting points
+        except ValueError as error:
             faults = str(error)
-    raise ValueError(
-        f"gives equilibria that do not fit together ({faults}); name fewer phases in steel.phases"
-    )
+    raise ValueError(f"gives inconsistent equilibria ({faults}); name fewer phases in steel.phases")
 
 
 def _columns(rows: Sequence[State]) -> tuple[Array, Mapping[str, Array]]:
-    """Temperatures and columns of a table, K and as in `PhaseTable`."""
+    """Temperatures, K, and columns of a table as in `PhaseTable`."""
     temperature = np.array([row.temperature for row in rows])
     mass = np.array([row.mass / row.mass.sum() for row in rows]).T
     of_phase = np.array([row.carbon for row in rows]).T
@@ -164,13 +163,13 @@ def _columns(rows: Sequence[State]) -> tuple[Array, Mapping[str, Array]]:
 
 
 def _least_ferrite(ferrite: Array) -> int:
-    """The row from which on ferrite is called delta: of the least, or 0 if there always is some."""
+    """Row from which on ferrite is called delta: that with the least, or 0."""
     least = np.flatnonzero(ferrite <= ferrite.min())
     return int(least[len(least) // 2]) if ferrite.min() == 0.0 else 0
 
 
 def described(name: str, data: bytes) -> dict[str, str]:
-    """What a database says of itself: name, version, hash and licence."""
+    """Metadata of a database: name, version, hash and licence."""
     text = data.decode("utf-8", "replace")
     comments = [line.strip("$* \t\r") for line in text.splitlines() if line[:1] == "$"]
     version = re.search(
@@ -184,9 +183,9 @@ def described(name: str, data: bytes) -> dict[str, str]:
 
 
 def beyond_range(text: str, composition: Mapping[str, float]) -> list[str]:
-    """Contents beyond the limits that the comments of a database state, "C 1 (to 0.5)", wt%.
+    """Contents beyond the limits stated in the comments of a database, "C 1 (to 0.5)", wt%.
 
-    They are looked for after "wt.%" or "weight", as `Cr<25`; most databases state none.
+    The limits are read after "wt.%" or "weight", such as `Cr<25`; most databases state none.
     """
     comments = "\n".join(line for line in text.splitlines() if line[:1] == "$")
     stated = re.search(

@@ -1,7 +1,8 @@
 """Temperature and conductivity integral as exact functions of the enthalpy.
 
 The thermal problem is solved for the volumetric enthalpy H (thesis (24)): T(H) is single valued
-even where H(T) jumps (isothermal freezing), so one code serves every freezing range, zero included.
+even where H(T) jumps (isothermal freezing), so that one code covers every freezing range, including
+zero.
  The conductivity enters as its integral theta(T) = int k dT, which turns div(k grad T) into
  div(grad theta)
 (Kirchhoff's transformation): the flux between two points is then exact for any k(T).
@@ -25,7 +26,7 @@ FEW = 8  # pieces, which are told apart by comparing with each
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
-    """State at given enthalpies; all arrays have the shape of the enthalpy handed in."""
+    """State at given enthalpies; all arrays have the shape of the enthalpy."""
 
     temperature: Array  #: T, K
     temperature_slope: Array  #: dT/dH, K m3/J; zero where freezing is isothermal
@@ -34,7 +35,7 @@ class CurvePoint:
 
 
 class ThermalCurve:
-    """H <-> T <-> theta for one steel, from piecewise linear rho c(T) and k(T); exact to rounding.
+    """H <-> T <-> theta of one steel, from piecewise linear rho c(T) and k(T); exact to rounding.
 
     Between neighbouring knots rho c + latent is linear in T (H quadratic) and k is linear (theta
     quadratic); at a knot H may jump by an isothermal latent heat.  Outside the first and last knot
@@ -45,14 +46,14 @@ class ThermalCurve:
             J/m3K; latent part (n-1,), J/m3K, constant on the piece; jump (n,), J/m3.
         conductivity_knots: T (m,) K increasing; k at the left and right end of each piece (m-1,),
             W/mK.
-        datum: Temperature at which H and theta are zero, K; near the casting temperature what a
-            short step changes is then not lost in the rounding of a large number.
+        datum: Temperature at which H and theta are zero, K; near the casting temperature, so that
+            changes in a short step are not lost in the rounding of large numbers.
 
     Attributes:
-        divided: Into how many knots heat capacity and conductivity are divided, each by itself.
+        divided: Numbers of knots into which heat capacity and conductivity are divided.
 
     Raises:
-        ValueError: If a heat capacity or conductivity is not positive or a jump is negative.
+        ValueError: A heat capacity or conductivity is not positive, or a jump is negative.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class ThermalCurve:
             self._move_zero(datum)
 
     def _move_zero(self, datum: float) -> None:
-        """Let H and theta be zero at `datum`."""
+        """Set the zero of H and theta to `datum`."""
         origin = self.enthalpy(datum)
         self._theta -= self.at(origin).conduction
         self._h -= origin
@@ -92,7 +93,7 @@ class ThermalCurve:
     def _build(
         self, knots: Array, cl: Array, cr: Array, kl: Array, kr: Array, jumps: Array
     ) -> None:
-        """Stack ordinary and isothermal pieces, with one constant piece beyond either end."""
+        """Combine ordinary and isothermal pieces, with one constant piece beyond either end."""
         width = np.diff(knots)
         gain = 0.5 * (cl + cr) * width
         rows = [(knots[0], 0.0, cl[0], 0.0, 0.0, kl[0], 0.0)]
@@ -108,7 +109,7 @@ class ThermalCurve:
             enthalpy += gain[i]
             theta += 0.5 * (kl[i] + kr[i]) * width[i]
         rows.append((knots[-1], enthalpy, cr[-1], 0.0, theta, kr[-1], 0.0))
-        # An isothermal piece has c = inf, so that s = dh / c = 0 there without a special case.
+        # An isothermal piece has c = inf, so that s = dh / c = 0 without a special case.
         self._t, self._h, self._c, self._dc, self._theta, self._k, self._dk = np.array(
             rows
         ).T.copy()
@@ -122,7 +123,7 @@ class ThermalCurve:
         )
 
     def _tabulate(self) -> None:
-        """What `at` looks up: the pieces, and on an even grid which of them begins where.
+        """Tables for `at`: the pieces, and the first piece in each cell of an even grid.
 
         And the slopes of T(H) and theta(H) for curves that are straight in all pieces; and T,
         theta, k and its slope where the pieces begin that are not isothermal.
@@ -138,14 +139,15 @@ class ThermalCurve:
         self._ends = np.append(self._h[1:], np.inf)
         cells = CELLS * len(self._h)
         self._origin, self._per_enthalpy = self._h[1], cells / (self._h[-1] - self._h[1])
-        # The grid reaches a little beyond its cells: rounding may put a value into the next one.
+        # The grid extends slightly beyond its cells, since rounding may put a value into the next
+        # one.
         edges = np.arange(cells + 1) + np.array([[-1e-6], [1e-6]])
         places = self._origin + edges / self._per_enthalpy
         first, last = self._starts.searchsorted(places, side="right") - 1
         self._first, self._crossed = first[:-1], int((last[1:] - first[:-1]).max())
 
     def _piece(self, enthalpy: Array) -> Indices:
-        """The piece that each enthalpy lies in; of pieces that begin at one, the last.
+        """Index of the piece of each enthalpy; of pieces that begin at the same one, the last.
 
         Of many, a cell of an even grid is found in a third of the time of a search.
         """
@@ -176,10 +178,10 @@ class ThermalCurve:
         return CurvePoint(t + s, slope, theta + s * (k + 0.5 * dk), (k + dk) * slope)
 
     def lines(self) -> tuple[Array, Array, Array] | None:
-        """T(H) and theta(H) as straight lines; None where rho c or k changes within a piece.
+        """T(H) and theta(H) as straight lines; None if rho c or k varies within a piece.
 
         Returns:
-            Enthalpies at which pieces begin, the first without bound (n,), J/m3; T (K) and theta
+            Enthalpies at the starts of the pieces, the first unbounded (n,), J/m3; T (K) and theta
             (W/m) at H = 0 on the line of each piece (2, n); their slopes (2, n).
         """
         if self._quadratic:
@@ -188,7 +190,7 @@ class ThermalCurve:
         return self._starts, np.array([self._t, self._theta]) - slopes * self._h, slopes
 
     def enthalpy(self, temperature: Array | float, side: Side = "right") -> Array:
-        """H at `temperature` (K), J/m3; at an isothermal knot "right" picks the molten end."""
+        """H at `temperature` (K), J/m3; at an isothermal knot "right" selects the molten end."""
         t = np.asarray(temperature, float)
         i = np.clip(np.searchsorted(self._t, t, side=side) - 1, 0, len(self._t) - 1)
         ordinary = np.isfinite(self._c[i])
@@ -197,7 +199,7 @@ class ThermalCurve:
         return np.asarray(self._h[i] + s * (c + 0.5 * self._dc[i] * s))
 
     def conductivity(self, temperature: Array | float) -> Array:
-        """K at `temperature` (K), W/mK; at a jump the hotter side's value."""
+        """Conductivity k at `temperature` (K), W/mK; at a jump the hotter side's value."""
         t = np.asarray(temperature, float)
         tt, _, k, dk = self._ordinary
         i = np.clip(np.searchsorted(tt, t, side="right") - 1, 0, len(tt) - 1)
@@ -205,7 +207,7 @@ class ThermalCurve:
 
     @property
     def even(self) -> bool:
-        """Whether the conductivity is the same at every temperature."""
+        """Whether the conductivity is constant."""
         k = self._k[np.isfinite(self._c)]
         return bool(np.ptp(k) == 0.0 and not self._dk.any())
 
@@ -218,7 +220,7 @@ class ThermalCurve:
         return np.asarray(theta[i] + s * (k[i] + 0.5 * dk[i] * s))
 
     def temperature(self, conduction: Array | float) -> Array:
-        """The temperature, K, of theta `conduction`, W/m: what `conduction` is of."""
+        """Temperature, K, at which theta equals `conduction`, W/m; the inverse of `conduction`."""
         given = np.asarray(conduction, float)
         tt, theta, k, dk = self._ordinary
         i = np.clip(np.searchsorted(theta, given, side="right") - 1, 0, len(tt) - 1)

@@ -1,4 +1,4 @@
-"""A steel in words: what characterises it, with units and sources."""
+"""Describes a steel in text: characteristic values with units and sources."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from castfem.physics.materials.steel import Steel
 
 CONTRACTED = (
     1200.0 + ZERO_CELSIUS
-)  # K: the surface of a shell in its mould, down to which it is told
+)  # K: lower end of the description, the surface of a shell in its mould
 
 _LABELS = (
     ("density", "density", "{:.0f}", 1.0, " kg/m³"),
@@ -27,9 +27,9 @@ _STATUS = {
 
 
 def describe_steel(steel: Steel) -> list[tuple[str, str]]:
-    """Return label and value of what characterises a steel, values written with their units.
+    """Return labels and values that describe a steel, with units.
 
-    Properties that change are given at 1000 degC, the solidus and the liquidus; each is followed by
+    Variable properties are given at 1000 degC, the solidus and the liquidus; each is followed by
     its status and source.
     """
     rows = [("steel", steel.name), ("description", steel.description)]
@@ -72,12 +72,12 @@ def describe_steel(steel: Steel) -> list[tuple[str, str]]:
 
 
 def celsius(temperature: float) -> str:
-    """Return a temperature in K as degC, rounded to 0.01 and without idle zeros."""
+    """Return a temperature in K as degC, rounded to 0.01 without trailing zeros."""
     return f"{round(temperature - ZERO_CELSIUS, 2):g}"
 
 
 def _origin_note(steel: Steel, *keys: str) -> str:
-    """Return "  [status: law; source]" of the first of the properties that is in the set."""
+    """Return "  [status: law; source]" for the first of the properties in the set."""
     for key in keys:
         origin = steel.origins.get(key)
         if origin is not None:

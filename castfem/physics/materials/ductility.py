@@ -1,4 +1,4 @@
-"""How far hot steel can be strained before it cracks, by temperature and rate: hot ductility."""
+"""Hot ductility: critical strain of steel by temperature and strain rate."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from castfem.base.types import Array
 
 
 def fracture_strain(reduction_of_area: Array) -> Array:
-    """True strain at which a bar breaks, ln(A0/A), of its reduction of area within 0 ... 1 (n,)."""
+    """True fracture strain of a bar, ln(A0/A), from its reduction of area, 0 ... 1 (n,)."""
     return np.asarray(-np.log1p(-np.asarray(reduction_of_area, float)))
 
 
 @dataclass(frozen=True, slots=True)
 class Ductility:
-    """Critical strain over temperature and rate of strain, from a table.
+    """Critical strain over temperature and strain rate, from a table.
 
-    Linear in the temperature and in the logarithm of the rate. Of slower and faster rates than its
-    own it has the nearest; beyond its temperatures nothing is known, and nothing counts.
+    Linear in the temperature and in the logarithm of the rate. Rates outside the table take the
+    nearest row; outside its temperatures nothing is known, and no damage is counted.
     """
 
-    temperatures: tuple[float, ...]  #: K, increasing
-    rates: tuple[float, ...]  #: 1/s, increasing
+    temperatures: tuple[float, ...]  #: temperatures, K, increasing
+    rates: tuple[float, ...]  #: strain rates, 1/s, increasing
     strains: tuple[tuple[float, ...], ...]  #: critical strain, a row for each temperature
 
     @property
@@ -32,7 +32,7 @@ class Ductility:
         return self.temperatures[0], self.temperatures[-1]
 
     def critical_strain(self, temperature: Array, rate: Array) -> Array:
-        """Strain at which steel cracks at temperatures (n,), K, and rates (n,), 1/s."""
+        """Critical strain at temperatures (n,), K, and strain rates (n,), 1/s."""
         table = np.asarray(self.strains)
         i, across = _between(np.asarray(self.temperatures), temperature)
         logs = np.log(np.asarray(self.rates))
@@ -47,6 +47,6 @@ class Ductility:
 
 
 def _between(knots: Array, at: Array) -> tuple[np.ndarray, Array]:
-    """Interval of increasing knots that values lie in, and how far in it, 0 to 1."""
+    """Interval of increasing knots that contains each value, and the position in it, 0 to 1."""
     i = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
     return i, np.clip((at - knots[i]) / (knots[i + 1] - knots[i]), 0.0, 1.0)

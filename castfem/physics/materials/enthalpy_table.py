@@ -1,7 +1,7 @@
-"""Enthalpy given in rows, as tools for thermodynamic equilibria export it.
+"""Enthalpy given in rows, as exported by tools for thermodynamic equilibria.
 
-The rows hold all heat, that of freezing too. The heat capacity follows from them: between two rows
-it is constant.
+The rows include the heat of freezing. The heat capacity follows from them and is constant between
+two rows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from castfem.physics.materials.iron_carbon import Side
 
 @dataclass(frozen=True, slots=True)
 class EnthalpyTable:
-    """Linear between the rows, and beyond them by the slope of the first and the last piece.
+    """Linear between the rows, and extrapolated with the slope of the first and the last piece.
 
     Raises:
         ValueError: The enthalpy does not increase from row to row.
@@ -47,7 +47,7 @@ class EnthalpyTable:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Temperatures between which it is defined, K."""
+        """Temperature range of the table, K."""
         return self.table.span
 
     def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
@@ -59,13 +59,13 @@ class EnthalpyTable:
 
     @property
     def slopes(self) -> Array:
-        """Heat capacity between the rows, the heat of freezing included, J/(kg K)."""
+        """Heat capacity between the rows, including the heat of freezing, J/(kg K)."""
         return np.diff(self.table.values) / np.diff(self.table.arguments)
 
     def sensible(self, solidus: float, liquidus: float) -> SensibleHeat:
-        """Specific heat without that of freezing.
+        """Return the specific heat without the heat of freezing.
 
-        Outside of the freezing range it is the slope of the table; within, the mean of those on
+        Outside the freezing range it is the slope of the table; within it, the mean of those on
         both sides. The rest of the slope there is the heat of freezing.
         """
         rows = self.table.arguments
@@ -78,19 +78,19 @@ class EnthalpyTable:
         return SensibleHeat(tuple(map(float, ends)), tuple(map(float, values)), self.span)
 
     def _slope_at(self, temperature: npt.ArrayLike, side: Side) -> Array:
-        """Slope of the piece that holds each temperature; at a row, of the one on that side."""
+        """Slope of the piece at each temperature; at a row, of the piece on the given side."""
         places = _places(self.table.arguments, temperature, side)
         return np.asarray(self.slopes[np.clip(places - 1, 0, len(self.slopes) - 1)])
 
 
 @dataclass(frozen=True, slots=True)
 class SensibleHeat:
-    """Specific heat that is constant between temperatures."""
+    """Piecewise constant specific heat."""
 
-    jumps: tuple[float, ...]  #: temperatures where it changes, K
-    values: tuple[float, ...]  #: on the pieces, one more than jumps, J/(kg K)
-    span: tuple[float, float]  #: temperatures between which it is defined, K
-    curved: bool = False  #: it is not
+    jumps: tuple[float, ...]  #: temperatures at which it changes, K
+    values: tuple[float, ...]  #: values on the pieces, one more than jumps, J/(kg K)
+    span: tuple[float, float]  #: temperature range of its definition, K
+    curved: bool = False  #: always linear
 
     @property
     def kinks(self) -> tuple[float, ...]:
@@ -103,6 +103,6 @@ class SensibleHeat:
 
 
 def _places(rows: Sequence[float], temperature: npt.ArrayLike, side: Side) -> Indices:
-    """How many rows lie below each temperature, one at it counted by the side."""
+    """Number of rows below each temperature; one at it counts according to the side."""
     t = np.asarray(temperature, float)
     return np.asarray(np.searchsorted(np.asarray(rows), t, "right" if side == "above" else "left"))

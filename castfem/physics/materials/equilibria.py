@@ -1,8 +1,8 @@
-"""Equilibria of a steel by a thermodynamic database (CALPHAD), with pycalphad.
+"""Equilibria of a steel from a thermodynamic database (CALPHAD), with pycalphad.
 
-pycalphad is imported when something is computed, and only then. Compositions go in as mole
-fractions and heat capacities are those of the phases: pycalphad 0.11 gives NaN for some mass
-fractions of carbon, and slopes of the enthalpy that are wrong for interstitial carbon.
+pycalphad is imported only when something is computed. Compositions are passed as mole fractions,
+and heat capacities are those of the phases: pycalphad 0.11 gives NaN for some mass fractions of
+carbon, and wrong slopes of the enthalpy for interstitial carbon.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from castfem.base.types import Array
 PRESSURE = 101325.0  # Pa
 CARBIDES = ("CEMENTITE", "M7C3", "M23C6", "M6C", "M3C2")
 USUAL = re.compile(rf"(LIQUID|BCC_A2|FCC_A1|{'|'.join(CARBIDES)}|MNS(_Q)?)(_D\d+)?")
-CARBIDE_CARBON = 0.2  # mole fraction; a face-centred phase with more is a carbide, as NbC
+CARBIDE_CARBON = 0.2  # mole fraction above which a face-centred phase is a carbide, such as NbC
 
 Moles = dict[str, float]  # by element
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How finely the temperatures are chosen."""
+    """Accuracy of the table of equilibria."""
 
     longest: float = 5.0  # K, between rows
     narrowest: float = 0.01  # K, how well the temperature is known at which a phase comes
@@ -55,21 +55,21 @@ SETTINGS = Settings()
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """A kilogram of steel, or a part of it, at one temperature."""
+    """A kilogram of steel, or part of one, at one temperature."""
 
     temperature: float  #: K
     #: kg of liquid, ferrite, austenite, carbides, others (5,)
     mass: Array
-    carbon: Array  #: carbon in each (5,), wt%; NaN where there is none of it
+    carbon: Array  #: carbon in each (5,), wt%; NaN where absent
     gibbs: float  #: J
     enthalpy: float  #: J
-    capacity: float  #: J/K, of the phases as they are
-    names: frozenset[str]  #: of the phases, as in the database
-    liquid: Moles  #: in the liquid
-    potential: float  #: of carbon, J/mol; NaN without it
+    capacity: float  #: J/K, for constant phases
+    names: frozenset[str]  #: names of the phases in the database
+    liquid: Moles  #: amounts in the liquid
+    potential: float  #: chemical potential of carbon, J/mol; NaN without carbon
 
     def plus(self, other: State) -> State:
-        """Both together."""
+        """Return the sum of two states."""
         mass = self.mass + other.mass
         kg = np.nan_to_num(self.carbon) * self.mass + np.nan_to_num(other.carbon) * other.mass
         return State(
@@ -80,21 +80,21 @@ class State:
 
 
 class Equilibria:
-    """Equilibria of a steel by a database.
+    """Equilibria of a steel from a database.
 
     Raises:
-        ValueError: The database cannot be used for the steel, in one line.
+        ValueError: The database cannot be used for the steel; the message is one line.
     """
 
     def __init__(self, path: Path, elements: Sequence[str], phases: Sequence[str]) -> None:
-        """Reads the database."""
+        """Read the database."""
         from pycalphad import Database
 
         try:
-            with warnings.catch_warnings():  # of pycalphad, about what it passes over
+            with warnings.catch_warnings():  # pycalphad warns about what it ignores
                 warnings.simplefilter("ignore")
                 self.data = Database(str(path))
-        except Exception as error:  # reason: its parsers raise whatever they run into
+        except Exception as error:  # reason: its parsers raise many kinds of errors
             first = (str(error).strip() or type(error).__name__).splitlines()[0]
             raise ValueError(f"cannot be read as a thermodynamic database ({first})") from error
         self._check(elements, phases)
@@ -116,29 +116,29 @@ class Equilibria:
             raise ValueError(f"has no phase {', '.join(unknown)}")
 
     def _possible(self, names: Sequence[str]) -> list[str]:
-        """Those phases that the elements can make."""
+        """Return those phases that the elements can form."""
         from pycalphad.core.utils import filter_phases, unpack_species
 
         made_of = unpack_species(self.data, [*self.elements, "VA"])
         found: list[str] = sorted(filter_phases(self.data, made_of, list(names)))
         for needed in ("LIQUID", "BCC_A2", "FCC_A1"):
             if needed not in found:
-                raise ValueError(f"has no phase {needed}, or it is not among those asked for")
+                raise ValueError(f"has no phase {needed}, or it is not among those requested")
         return found
 
     def moles(self, composition: Mapping[str, float]) -> Moles:
-        """A kilogram of steel of a composition in wt%, the rest iron."""
+        """Return the moles of a kilogram of steel with a composition in wt%, the rest iron."""
         kg = {e.upper(): w / 100.0 for e, w in composition.items()}
         kg["FE"] = 1.0 - sum(kg.values())
         if kg["FE"] <= 0.0:
-            raise ValueError("is asked for a steel without iron; correct steel.composition")
+            raise ValueError("is for steels, and this one has no iron; correct steel.composition")
         return {e: m / self.molar[e] for e, m in kg.items()}
 
     def state(self, temperature: float, moles: Moles, phases: Sequence[str] = ()) -> State:
-        """Equilibrium of so many moles of the elements among some phases, by default all.
+        """Return the equilibrium of given moles of the elements among some phases, by default all.
 
         Raises:
-            ValueError: pycalphad finds none, here and a little beside.
+            ValueError: pycalphad finds none at the temperature or very near it.
         """
         for shift in (0.0, 2e-3, -2e-3, 0.02, -0.02):
             among = list(phases or self.phases)
@@ -150,8 +150,8 @@ class Equilibria:
             f"{e.capitalize()} {100.0 * n * self.molar[e]:.4g}" for e, n in moles.items()
         )
         raise ValueError(
-            f"gives no equilibrium at {temperature - ZERO_CELSIUS:.2f} degC ({amounts} g) that "
-            "pycalphad finds; leave out an element, or name the phases with steel.phases"
+            f"gives no equilibrium at {temperature - ZERO_CELSIUS:.2f} degC ({amounts} g) with "
+            "pycalphad; leave out an element, or name the phases with steel.phases"
         )
 
     def _solve(
@@ -202,7 +202,7 @@ class Equilibria:
 
 
 def role(phase: str, carbon: float) -> int:
-    """Place of a phase in `State.mass`, by its name and its mole fraction of carbon."""
+    """Index of a phase in `State.mass`, from its name and its mole fraction of carbon."""
     if phase == "LIQUID":
         return 0
     if phase == "BCC_A2":
@@ -213,5 +213,5 @@ def role(phase: str, carbon: float) -> int:
 
 
 def content(carbon: Array, mass: Array) -> Array:
-    """Carbon over mass; NaN where there is no mass."""
+    """Carbon over mass; NaN without mass."""
     return np.where(mass > 0.0, carbon / np.where(mass > 0.0, mass, 1.0), np.nan)

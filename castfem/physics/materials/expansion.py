@@ -4,8 +4,8 @@ Every law gives e(T) = L(T)/L(T_sol) - 1 of the solid; `Steel` makes it 0 in the
 liquid (thesis V.1.4.3, V.1.6).  The mean coefficient of thermal linear expansion follows from it as
 e(T)/(T - T_sol).
 
-The thesis' (19) prints the ratio of densities upside down and without the division by T - T_sol.
-From L^3 ~ 1/rho:  e(T) = (rho(T_sol)/rho(T))^(1/3) - 1  and  alpha_m = e(T)/(T - T_sol).
+The thesis' (19) has the ratio of densities inverted, and lacks the division by T - T_sol. From L^3
+~ 1/rho: e(T) = (rho(T_sol)/rho(T))^(1/3) - 1 and alpha_m = e(T)/(T - T_sol).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -44,12 +44,12 @@ class Expansion(Protocol):
         """Whether the strain is not linear in T between its kinks."""
 
     def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
-        """L(T)/L(reference) - 1; at a jump in the reference its colder side counts."""
+        """L(T)/L(reference) - 1; at a jump at the reference its colder side counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantExpansion:
-    """One mean coefficient, 1/K: e = alpha (T - T_ref)."""
+    """Constant mean coefficient, 1/K: e = alpha (T - T_ref)."""
 
     coefficient: float
     kinks: tuple[float, ...] = ()
@@ -65,7 +65,7 @@ class DifferentialExpansion:
     """Table of the differential coefficient alpha = dL/(L dT) (14).
 
     ln L(T)/L(T_ref) is its integral from the reference, so that e = exp(integral) - 1. The integral
-    itself is the logarithmic strain, 1.4 % more at 20 degC for a steel.
+    itself is the logarithmic strain, which differs by 1.4 % at 20 degC for a steel.
     """
 
     coefficient: Table
@@ -93,10 +93,10 @@ class DifferentialExpansion:
 
 @dataclass(frozen=True, slots=True)
 class MeanExpansion:
-    """Table of the mean coefficient since a temperature of its own (often 20 degC)."""
+    """Table of the mean coefficient from its own reference temperature (often 20 degC)."""
 
     coefficient: Table  #: mean coefficient, 1/K
-    origin: float  #: temperature at which its length counts as 1, K
+    origin: float  #: that reference temperature, K
     curved: bool = True
 
     @property
@@ -115,14 +115,14 @@ class MeanExpansion:
 
 @dataclass(frozen=True, slots=True)
 class DensityExpansion:
-    """Strain from the density of the steel, (19) put right."""
+    """Strain from the density of the steel, by the corrected (19)."""
 
     density: Property
     curved: bool = True
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Those of the density."""
+        """Kinks of the density."""
         return self.density.kinks
 
     def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
@@ -136,7 +136,7 @@ class ChandraExpansion:
     """Chandra's procedure (20)-(21): specific volumes of pure delta and gamma iron, with carbon.
 
     Wray's specific volume of a pure phase gives the volume of its cell, the carbon in the phase
-    widens the cell edge, and the volumes of the phases add up by mass fraction.
+    widens the cell edge, and the specific volumes of the phases are averaged by mass fraction.
     """
 
     diagram: Diagram  #: iron-carbon diagram of the steel
@@ -144,11 +144,11 @@ class ChandraExpansion:
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Those of the phase fractions."""
+        """Kinks of the phase fractions."""
         return self.diagram.kinks
 
     def specific_volume(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
-        """Specific volume of the solid phases together, m3/kg (liquid left out)."""
+        """Specific volume of the solid phases together, m3/kg (without liquid)."""
         t = np.asarray(temperature, float)
         return self.volume_of(t, self.diagram.phases(t, side))
 
@@ -167,20 +167,20 @@ class ChandraExpansion:
 def without_transformation(
     law: Expansion, temperature: npt.ArrayLike, reference: float
 ) -> Array | None:
-    """Strain that a steel would have if each of its phases only cooled.
+    """Strain of a steel whose phases only cool, without transformation.
 
-    With v the specific volume at the temperature T and the phases p (fractions, carbon of each),
-    3 d(ln L) = (1/v) (dv/dT at given p) dT + (1/v) (change of v with p at given T). This is the
-    first of the two, integrated from the reference; the rest of `Expansion.strain` is what delta
-    ferrite contracts by as it turns to austenite.
+    With v the specific volume at the temperature T and the phases p (fractions, carbon of each), 3
+    d(ln L) = (1/v) (dv/dT at constant p) dT + (1/v) (change of v with p at constant T). This is the
+    first term, integrated from the reference; the rest of `Expansion.strain` is the contraction of
+    delta ferrite as it transforms to austenite.
 
     Args:
-        law: Of the contraction.
-        temperature: K, any shape.
+        law: Law of the contraction.
+        temperature: Temperature, K, any shape.
         reference: Temperature at which the strain is 0, K.
 
     Returns:
-        Of the shape of `temperature`; None for a law that does not go by phase.
+        Strain with the shape of `temperature`; None for a law that does not depend on the phases.
     """
     by_phase = _volume_by_phase(law)
     if by_phase is None:
@@ -193,7 +193,7 @@ def without_transformation(
     breaks = knots.merged(law.kinks, diagram.reactions, coldest, hottest)
     grid = np.union1d(knots.grid(breaks, coldest, hottest, True), t)
     cold, hot = grid[:-1], grid[1:]
-    # On each piece the mean of what its first and its last phases would expand by.
+    # On each piece the average of the expansions with the phases at its start and its end.
     gain = np.zeros_like(cold)
     for phases in (diagram.phases(cold, "above"), diagram.phases(hot, "below")):
         gain += np.log(volume(hot, phases) / volume(cold, phases)) / 6.0
@@ -204,7 +204,7 @@ def without_transformation(
 def _volume_by_phase(
     law: Expansion,
 ) -> tuple[Diagram, Callable[[Array, Phases], Array]] | None:
-    """The diagram of a law, and its specific volume at given phases, m3/kg (or in proportion)."""
+    """Diagram of a law, and its specific volume for given phases, m3/kg (or proportional)."""
     if isinstance(law, ChandraExpansion):
         return law.diagram, law.volume_of
     density = law.density if isinstance(law, DensityExpansion) else None
@@ -221,7 +221,7 @@ def _volume_by_phase(
 
 
 def _cell_volumes(celsius: Array, phases: Phases) -> tuple[Array, Array]:
-    """Specific volumes of delta and gamma with the carbon they hold (20)-(21), cm3/g.
+    """Specific volumes of delta and gamma with their carbon (20)-(21), cm3/g.
 
     Carbon is interstitial: a gram of steel has 1 - W/100 grams of iron, whose cells it widens.
     """
@@ -236,18 +236,18 @@ def _cell_volumes(celsius: Array, phases: Phases) -> tuple[Array, Array]:
 
 
 def _edge(volume: Array, atoms: int) -> Array:
-    """Edge of the cubic cell, Angstrom, of pure iron with a specific volume in cm3/g."""
+    """Edge of the cubic cell of pure iron, Angstrom, from a specific volume in cm3/g."""
     return np.cbrt(volume * ANGSTROM3_PER_CM3 * atoms * IRON_MASS / AVOGADRO)
 
 
 def gamma_edge_per_carbon(celsius: npt.ArrayLike) -> Array:
     """Widening of the austenite cell by carbon (21), Angstrom per wt%, from 20 to 1500 degC.
 
-    The coefficients are as the thesis prints them.  They look odd but are sound: at 20 degC they
+    The coefficients are as printed in the thesis. They look odd but are plausible: at 20 degC they
     give 0.0317 against 0.0330 of the usual a = 3.5780 + 0.0330 W; Harste's density formula has
-    0.0286 throughout, which they give at 680 degC; they fall with temperature, as the partial
-    volume of carbon does by Ridley and Stuart; and 0.42 %C austenite contracts by the 22e-6 1/K
-    that the thesis reads off its Figure 28.
+    0.0286 throughout, which they give at 680 degC; they fall with temperature, like the partial
+    volume of carbon according to Ridley and Stuart; and 0.42 %C austenite contracts by the 22e-6
+    1/K that the thesis reads off its Figure 28.
     """
     t = np.asarray(celsius, float)
     return 0.0317 - 11.65e-7 * t - 0.05e-7 * t**2

@@ -1,9 +1,9 @@
 """Named formulas for properties of plain carbon steel, each with its unit, source and status.
 
-A formula takes temperatures in K and, if it goes by phase, the fractions and the carbon of each
-phase from the iron-carbon diagram; it returns SI.  The published forms are in degC and kJ; they are
-converted here.  Status: F read in the source named, M from memory of the reference named and not
-yet checked against the page, C computed here.
+A formula takes temperatures in K and, if it depends on the phases, the fractions and the carbon of
+each phase from the iron-carbon diagram; it returns SI. The published forms in degC and kJ are
+converted here. Status: F read in the source named, M from memory of the reference named and not yet
+checked, C computed here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from castfem.physics.materials.iron_carbon import Phases
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number of a formula that the user may change: default, SI unit and bounds (inclusive)."""
+    """A number of a formula that the user may change: default, SI unit and (inclusive) bounds."""
 
     default: float
     unit: str
@@ -31,28 +31,28 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A property as a function of temperature, and where it comes from."""
+    """A property as a function of temperature, with its source."""
 
-    name: str  #: as written in a material file
-    quantity: str  #: property it may stand for, the key in a material file
-    #: temperatures in K, phases (None unless `by_phase`) and parameters to SI values
+    name: str  #: name in a material file
+    quantity: str  #: property that it may define, the key in a material file
+    #: function of temperatures in K, phases (None unless `by_phase`) and parameters, in SI
     evaluate: Callable[..., Array]
-    source: str  #: reference of the numbers
+    source: str  #: source of the numbers
     status: str  #: F, M or C, see the module
-    by_phase: bool = False  #: the formula needs the iron-carbon diagram
-    #: temperatures at which it has a kink of its own, as a function of the parameters
+    by_phase: bool = False  #: whether the formula needs the iron-carbon diagram
+    #: temperatures of its own kinks, as a function of the parameters
     kinks: Callable[..., tuple[float, ...]] = lambda **_: ()
-    #: numbers the user may change
+    #: numbers that the user may change
     parameters: Mapping[str, Parameter] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def _weigh(phases: Phases, liquid: Array, delta: Array, gamma: Array) -> Array:
-    """Mean over the phases by mass fraction."""
+    """Average over the phases by mass fraction."""
     return np.asarray(phases.liquid * liquid + phases.delta * delta + phases.gamma * gamma)
 
 
 def _carbon(content: Array) -> Array:
-    """Carbon of a phase, with 0 where the phase is absent (its weight is 0 there)."""
+    """Carbon of a phase, 0 where the phase is absent (and its weight 0)."""
     return np.nan_to_num(content, nan=0.0)
 
 
@@ -64,8 +64,8 @@ def harste_conductivity(
 ) -> Array:
     """Thermal conductivity, W/(m K), phases weighted by their fractions.
 
-    `liquid_factor` multiplies the conductivity of the liquid, to stand for the stirring of the pool
-    (1 for a liquid at rest; values of 2 to 7 are in use).
+    `liquid_factor` multiplies the conductivity of the liquid, to represent stirring of the pool (1
+    for a liquid at rest; values of 2 to 7 are in use).
     """
     celsius = temperature - ZERO_CELSIUS
     strength = 0.425 - 4.385e-4 * celsius
@@ -77,7 +77,7 @@ def harste_conductivity(
 
 
 def phase_densities(temperature: Array, phases: Phases) -> tuple[Array, Array, Array]:
-    """Densities of liquid, delta ferrite and austenite with the carbon each has, kg/m3."""
+    """Densities of liquid, delta ferrite and austenite with their carbon contents, kg/m3."""
     celsius = temperature - ZERO_CELSIUS
     c_liquid, c_delta, c_gamma = (
         _carbon(c) for c in (phases.carbon_liquid, phases.carbon_delta, phases.carbon_gamma)
@@ -89,16 +89,16 @@ def phase_densities(temperature: Array, phases: Phases) -> tuple[Array, Array, A
 
 
 def jimbo_cramb_density(temperature: Array, phases: Phases) -> Array:
-    """Density, kg/m3: the specific volumes of the phases add up by mass fraction."""
+    """Density, kg/m3: specific volumes of the phases averaged by mass fraction."""
     volumes = (np.reciprocal(density) for density in phase_densities(temperature, phases))
     return np.reciprocal(_weigh(phases, *volumes))
 
 
 def harste_enthalpy(temperature: Array, phases: Phases) -> Array:
-    """Specific enthalpy with the heats of melting and of delta -> gamma in it, J/kg.
+    """Specific enthalpy including the heats of melting and of delta -> gamma, J/kg.
 
-    The carbon terms stand as in our source; they are below 0.1 kJ/kg (some prints have a factor
-    1000 on C^2, which would make them 0.4 kJ/kg at most for C < 0.5).
+    The carbon terms are as in our source; they are below 0.1 kJ/kg (some prints have a factor 1000
+    on C^2, which would make them 0.4 kJ/kg at most for C < 0.5).
     """
     t = temperature
     c_delta, c_gamma = _carbon(phases.carbon_delta), _carbon(phases.carbon_gamma)
@@ -120,7 +120,7 @@ def harste_enthalpy(temperature: Array, phases: Phases) -> Array:
 def harste_specific_heat(temperature: Array, phases: Phases) -> Array:
     """Specific heat of the phases weighted by fraction, J/(kg K).
 
-    It is the slope of `harste_enthalpy` within each phase: without the heats of transformation.
+    It is the slope of `harste_enthalpy` within each phase, without the heats of transformation.
     """
     delta = 441.0 + 0.1774 * temperature
     gamma = 430.0 + 0.15 * temperature
@@ -140,8 +140,8 @@ def _modulus_cubic(celsius: Array) -> Array:
 def mizukami_modulus(temperature: Array, floor: float = 1e9, ceiling: float = 130e9) -> Array:
     """Young's modulus of hot steel, Pa.
 
-    The regression holds from 900 degC to the liquidus.  It turns negative above 1500 degC and grows
-    without bound in the cold, so it is kept between `floor` and `ceiling` (our choice).
+    The regression holds from 900 degC to the liquidus. It is negative above 1500 degC and unbounded
+    in the cold, so it is limited by `floor` and `ceiling` (our choice).
     """
     modulus = 1e9 * _modulus_cubic(temperature - ZERO_CELSIUS)
     return np.asarray(np.clip(modulus, floor, ceiling))

@@ -1,9 +1,9 @@
-"""Freezing and cooling of a steel, step by step: by equilibrium, or on the path of Scheil.
+"""Freezing and cooling of a steel, step by step: in equilibrium, or by Scheil.
 
-Scheil: nothing diffuses in the solid but, if so asked, carbon, whose chemical potential is then
-the same in liquid and solid at each step. What has frozen is taken at its mean composition, at
-which its phases are in equilibrium with each other: delta ferrite turns to austenite in it. At the
-stated end the rest of the liquid freezes at once, and the steel is in equilibrium below.
+Scheil: nothing diffuses in the solid except, on request, carbon, whose chemical potential is then
+equal in liquid and solid at each step. The solid is taken at its mean composition, at which its
+phases are in equilibrium with each other: delta ferrite transforms to austenite in it. At the given
+end the rest of the liquid freezes at once, and the steel is in equilibrium below.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.physics.materials.equilibria import SETTINGS, Equilibria, Moles, State
 from castfem.physics.materials.phase_table import Scheil
 
-COLDEST, HOTTEST, LIMIT = 298.15, 1873.15, 2473.15  # K: to HOTTEST, or LIMIT if it is not liquid
+# K: up to HOTTEST, or up to LIMIT if not yet liquid
+COLDEST, HOTTEST, LIMIT = 298.15, 1873.15, 2473.15
 
 
 def refined(at: Callable[[float], State], cold: State, hot: State) -> list[State]:
-    """States between two, neither included, so near that what is between them is linear.
+    """States between two others, so dense that values are linear in between.
 
-    Where a phase comes, the last two are `Settings.narrowest` apart.
+    Where a phase appears, the last two are `Settings.narrowest` apart.
     """
     width = hot.temperature - cold.temperature
     if width <= SETTINGS.narrowest:
@@ -69,7 +70,7 @@ def joined(rows: Sequence[State]) -> list[State]:
 
 
 def _without_new(cold: State, hot: State) -> State:
-    """The state at which a phase comes or goes, from both sides of it."""
+    """The state at which a phase appears or vanishes, from both sides of it."""
     none = (cold.mass == 0.0) | (hot.mass == 0.0)
     mass = np.where(none, 0.0, 0.5 * (cold.mass + hot.mass))
     carbon = np.where(np.isnan(cold.carbon), hot.carbon, cold.carbon)
@@ -120,7 +121,7 @@ def scheil_rows(solve: Equilibria, moles: Moles, scheil: Scheil) -> list[State]:
 
 @dataclass
 class ScheilPath:
-    """A steel on its way from the liquidus: what is still liquid, and what has frozen."""
+    """A steel on its path from the liquidus: remaining liquid and solid."""
 
     solve: Equilibria
     scheil: Scheil
@@ -129,7 +130,7 @@ class ScheilPath:
     solid: Moles
 
     def rows(self) -> list[State]:
-        """States with some liquid, from the end of the path up to the liquidus (not included)."""
+        """States with some liquid, from the end of the path up to the liquidus (excluded)."""
         rows: list[State] = []
         step, left = 0.5, 1.0
         while left > self.scheil.end:
@@ -171,7 +172,7 @@ class ScheilPath:
         return replace(self, temperature=temperature, liquid=liquid, solid=solid)
 
     def _share_carbon(self, temperature: float, liquid: Moles, solid: Moles) -> None:
-        """Bring the carbon in liquid and solid, all else fixed, to one chemical potential."""
+        """Equalise the chemical potential of carbon in liquid and solid; all else is constant."""
         carbon = liquid["C"] + solid["C"]
 
         @cache

@@ -1,16 +1,16 @@
-"""Criteria of hot tearing: what the mushy zone bears while its last liquid freezes.
+"""Criteria of hot tearing: the strength of the mushy zone while its last liquid freezes.
 
-All are laws of arrays in SI.  Three look at a material point on its way through the brittle range,
-solid fractions of 0.9 to 0.99, where crystals are bridged too little to bear a pull and too much
-for liquid to heal what it opens:
+All are functions of arrays in SI. Three concern a material point on its way through the brittle
+range, solid fractions of 0.9 to 0.99, where crystals are bridged too little to carry tension and
+too much for liquid to heal an opening:
 
-* [Won2000] compares the strain across the range with a critical one, which falls with the rate of
-  strain and with the width of the range, that is with the composition.
+* [Won2000] compares the strain across the range with a critical one, which decreases with the
+  strain rate and with the width of the range, that is with the composition.
 * [Clyne1981] compares the time in the range with the time before it, in which liquid still feeds.
-* [Rappaz1999] gives the pressure that drives the liquid through the mushy zone to feed shrinkage
-  and strain; a pore opens where that exceeds what the liquid has to give.
+* [Rappaz1999] gives the pressure drop that drives the liquid through the mushy zone to feed
+  shrinkage and strain; a pore forms where it exceeds the available pressure.
 
-The numbers stand here as they are remembered; docs/hot_tearing.md says what of it could be read.
+The numbers are quoted from memory; docs/hot_tearing.md says which of them could be read.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from castfem.base.types import Array
 Fraction = Callable[[Array], Array]
 """Solid fraction over temperature in K."""
 
-POINTS = 16  # of Gauss in each of the panels of an integral over the mushy zone
+POINTS = 16  # Gauss points in each panel of an integral over the mushy zone
 PANELS = 64
-NO_STRAIN = 1e-12  # what rounding makes of none
-PARTS = 8  # in which what a step does is followed
+NO_STRAIN = 1e-12  # rounding of zero strain
+PARTS = 8  # sub-steps in which a step is followed
 
 
 @dataclass(frozen=True, slots=True)
 class CriticalStrain:
-    """A law of the form of [Won2000], factor/(rate^m width^n); by default that of the paper.
+    """Critical strain of the form of [Won2000], factor/(rate^m width^n); defaults of the paper.
 
-    With both exponents 0 the strain is one, whatever the rate and the range.
+    With both exponents 0 the strain is constant.
     """
 
-    factor: float = 0.02821  #: of a rate in 1/s and a width in K
+    factor: float = 0.02821  #: for a rate in 1/s and a width in K
     rate_exponent: float = 0.3131
     range_exponent: float = 0.8638
 
@@ -47,12 +47,12 @@ WON = CriticalStrain()
 
 
 def won_critical_strain(rate: Array, width: float, law: CriticalStrain = WON) -> Array:
-    """Strain across the brittle range from which on the steel tears (n,).
+    """Strain across the brittle range at which the steel tears (n,).
 
     Args:
-        rate: Of strain in the range (n,), 1/s; infinite strain is borne at none.
-        width: Of the range, T(fs 0.9) - T(fs 0.99), K.
-        law: Its numbers.
+        rate: Strain rate in the range (n,), 1/s; at rate 0 any strain is allowed.
+        width: Width of the range, T(fs 0.9) - T(fs 0.99), K.
+        law: Its parameters.
     """
     with np.errstate(divide="ignore"):
         slowed = np.asarray(rate, float) ** law.rate_exponent * width**law.range_exponent
@@ -63,10 +63,10 @@ def won_damage(strain: Array, time: Array, width: float, law: CriticalStrain = W
     """Strain across the range over the critical one of its mean rate (n,).
 
     Args:
-        strain: Across the range so far (n,), not negative.
-        time: Spent in it so far (n,), s.
+        strain: Strain across the range so far (n,), not negative.
+        time: Time in the range so far (n,), s.
         width: See `won_critical_strain`.
-        law: Likewise.
+        law: See `won_critical_strain`.
     """
     rate = strain / np.where(time > 0.0, time, np.inf)
     damage = strain / won_critical_strain(rate, width, law)
@@ -76,7 +76,7 @@ def won_damage(strain: Array, time: Array, width: float, law: CriticalStrain = W
 def clyne_davies(vulnerable: Array, relief: Array) -> Array:
     """Time in the brittle range over that from a solid fraction of 0.4 to it (n,) [Clyne1981].
 
-    0 where a point has not been seen through both.
+    0 for points that were not followed through both.
     """
     return np.asarray(vulnerable / np.where(relief > 0.0, relief, np.inf))
 
@@ -85,8 +85,8 @@ def secondary_arm_spacing(cooling_rate: Array, carbon: float) -> Array:
     """Secondary dendrite arm spacing of carbon steel, m (n,) [Won2001].
 
     Args:
-        cooling_rate: In the mushy zone (n,), K/s, above 0.
-        carbon: wt%, above 0.
+        cooling_rate: Cooling rate in the mushy zone (n,), K/s, above 0.
+        carbon: Carbon content, wt%, above 0.
     """
     if carbon <= 0.15:
         return np.asarray(1e-6 * (169.1 - 720.9 * carbon) * cooling_rate**-0.4935)
@@ -94,21 +94,21 @@ def secondary_arm_spacing(cooling_rate: Array, carbon: float) -> Array:
 
 
 def feeding_integrals(fraction: Fraction, start: float, end: float) -> tuple[float, float]:
-    """What the mushy zone of a steel makes of a rate of strain, and of shrinkage [Rappaz1999].
+    """Integrals of the mushy zone of a steel for strain rate and shrinkage [Rappaz1999].
 
         A = int F fs^2 / (1 - fs)^3 dT,  F(T) = int_end^T fs dT',      B = int fs^2 / (1 - fs)^2 dT
 
-    Liquid at T has to feed all that is strained between T and the roots of the crystals: F.
+    Liquid at T must feed all strain between T and the roots of the crystals, hence F.
 
     Args:
-        fraction: Solid fraction.
+        fraction: Solid fraction over temperature.
         start: Liquidus, K.
-        end: Temperature of the roots, where crystals have grown together, K.
+        end: Temperature of the roots, where dendrites have coalesced, K.
 
     Returns:
         A, K2, and B, K.
     """
-    # Panels grow from the roots on, where both integrands are steep.
+    # Panels grow from the roots, where both integrands are steep.
     edges = end + (start - end) * np.linspace(0.0, 1.0, PANELS + 1) ** 2
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     half = 0.5 * np.diff(edges)
@@ -123,7 +123,7 @@ def feeding_integrals(fraction: Fraction, start: float, end: float) -> tuple[flo
 
 
 def _cumulative(nodes: Array) -> Array:
-    """From values at Gauss points to their integrals from -1 to each point, (n, n)."""
+    """Matrix (n, n) from values at Gauss points to their integrals from -1 to each point."""
     legendre = np.polynomial.legendre
     from_values = np.linalg.inv(legendre.legvander(nodes, len(nodes) - 1))
     terms = np.eye(len(nodes))
@@ -133,11 +133,11 @@ def _cumulative(nodes: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Feeding:
-    """The liquid between the crystals, and how it is fed."""
+    """The liquid between the crystals, and its feeding."""
 
-    viscosity: float  #: of the liquid, Pa s
-    shrinkage: float  #: density of the solid over that of the liquid, less 1
-    integrals: tuple[float, float]  #: of `feeding_integrals`, K2 and K
+    viscosity: float  #: viscosity of the liquid, Pa s
+    shrinkage: float  #: density of the solid over that of the liquid, minus 1
+    integrals: tuple[float, float]  #: result of `feeding_integrals`, K2 and K
     spacing: Callable[[Array], Array]  #: secondary arm spacing over cooling rate, m
 
     def pressure_drop(self, strain_rate: Array, gradient: Array, cooling_rate: Array) -> Array:
@@ -145,12 +145,12 @@ class Feeding:
 
             dp = 180 mu/(G l2^2) [ (1 + beta) A eps'/G + beta v B ],      v = T'/G
 
-        by Darcy's law with a permeability of l2^2 (1 - fs)^3/(180 fs^2).
+        from Darcy's law with a permeability of l2^2 (1 - fs)^3/(180 fs^2).
 
         Args:
-            strain_rate: Across the growth, the sum of both directions (n,), 1/s.
-            gradient: Of the temperature, G (n,), K/m.
-            cooling_rate: T' (n,), K/s. Where one of both is not above 0, there is no drop.
+            strain_rate: Strain rate across the growth direction, sum of both directions (n,), 1/s.
+            gradient: Temperature gradient G (n,), K/m.
+            cooling_rate: Cooling rate T' (n,), K/s. Where either is not positive the drop is 0.
         """
         grows = (gradient > 0.0) & (cooling_rate > 0.0)
         g, cooling = np.where(grows, gradient, 1.0), np.where(grows, cooling_rate, 1.0)
@@ -162,7 +162,7 @@ class Feeding:
 
 
 def share_within(before: Array, after: Array, low: float, high: float) -> Array:
-    """Share of a step in which what goes evenly from one value to another lies within two (n,)."""
+    """Fraction of a step in which a linearly changing value is between two limits (n,)."""
     least, most = np.minimum(before, after), np.maximum(before, after)
     inside = np.minimum(most, high) - np.maximum(least, low)
     still = np.asarray((least > low) & (least < high), float)
@@ -174,10 +174,10 @@ def share_within(before: Array, after: Array, low: float, high: float) -> Array:
 def cubic_between(
     start: Array, end: Array, rates: tuple[Array, Array], duration: float
 ) -> list[Array]:
-    """What goes from one value to another with given rates at both ends, at even instants (n,).
+    """Interpolate between two values with given rates at both ends, at even times (n,).
 
-    A cubic in time that does not leave the two values. Heat flows are continuous in time, so that
-    enthalpies have continuous rates, also where the temperature has a kink.
+    A cubic in time that stays between the two values. Heat flows are continuous in time, so that
+    enthalpies have continuous rates, even where the temperature has a kink.
     """
     least, most, found = np.minimum(start, end), np.maximum(start, end), [start]
     for s in np.linspace(0.0, 1.0, PARTS + 1)[1:-1]:
@@ -193,24 +193,25 @@ def _none() -> Array:
 
 @dataclass(frozen=True, slots=True)
 class MushyHistory:
-    """What points have met on their way through the mushy zone; nothing writes into its arrays."""
+    """History of points on their way through the mushy zone; its arrays are never modified."""
 
-    #: time from a solid fraction of 0.4 to 0.9, s; without end where it was not seen from its start
+    #: time from a solid fraction of 0.4 to 0.9, s; infinite if it was not followed from its start
     relief: Array = field(default_factory=_none)
     vulnerable: Array = field(default_factory=_none)  #: time in the brittle range, s
-    #: tension across the range less compression, along the isotherm of the section
+    #: tension minus compression across the range, along the isotherm of the section
     around: Array = field(default_factory=_none)
     axial: Array = field(default_factory=_none)  #: the same along the strand
-    steepness: Array = field(default_factory=_none)  #: integral of the gradient in it, K s/m
+    #: integral of the temperature gradient over the time in the range, K s/m
+    steepness: Array = field(default_factory=_none)
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Of the arrays."""
+        """Names of the arrays."""
         return tuple(one.name for one in fields(cls))
 
     @classmethod
     def begun(cls, values: Array, feeds: float) -> MushyHistory:
-        """That of points of which nothing is known but what they are at (see `advanced`) (n,)."""
+        """Initial history of points with a known present state (see `advanced`) (n,)."""
         found = cls(*(np.zeros(len(values)) for _ in cls.names()))
         return replace(found, relief=np.where(values < feeds, np.inf, 0.0))
 
@@ -224,18 +225,18 @@ class MushyHistory:
         axial: Array | float = 0.0,
         gradient: Array | float = 0.0,
     ) -> tuple[MushyHistory, Array]:
-        """The history after a step, and the share of it that lay in the brittle range (n,).
+        """The history after a step, and the fraction of the step in the brittle range (n,).
 
-        What a step brings comes evenly over it. A point that melts again begins anew.
+        Contributions of a step are uniform over it. A point that melts again starts from zero.
 
         Args:
             before: Enthalpy or temperature before the step (n,).
-            after: Behind it.
-            levels: Those of solid fraction 0.4 and of both ends of the range, falling.
-            duration: Of the step, s.
-            around: Strain that it adds along the isotherm (n,).
-            axial: The same along the strand.
-            gradient: Of the temperature (n,), K/m.
+            after: Enthalpy or temperature after it (n,).
+            levels: Levels of solid fraction 0.4 and of both ends of the range, decreasing.
+            duration: Duration of the step, s.
+            around: Strain increment along the isotherm (n,).
+            axial: Strain increment along the strand.
+            gradient: Temperature gradient (n,), K/m.
         """
         feeds, begins, ends = levels
         inside = share_within(before, after, ends, begins)
@@ -253,11 +254,11 @@ class MushyHistory:
 
     @property
     def strain(self) -> Array:
-        """The larger of both strains (n,): a tear runs along the growth, and opens across it."""
+        """The larger of both strains (n,): a tear runs along the growth and opens across it."""
         return np.maximum(self.around, self.axial)
 
     def strain_rate(self) -> Array:
-        """Mean rate of both strains together in the brittle range (n,), 1/s."""
+        """Mean of the summed strain rates in the brittle range (n,), 1/s."""
         return (self.around + self.axial) / np.where(self.vulnerable > 0.0, self.vulnerable, np.inf)
 
     def gradient(self) -> Array:

@@ -1,9 +1,9 @@
-"""Iron-carbon equilibrium by the lever rule (thesis II.1.4, II.1.5) and what alloying does to it.
+"""Iron-carbon equilibrium by the lever rule (thesis II.1.4, II.1.5), with shifts by alloying.
 
-Two diagrams are here. `assessed` has curves, fitted to tie lines of the assessed database
+There are two diagrams. `assessed` has curves fitted to tie lines of the assessed database
 [PovodenKaradeniz2016]: each line of the diagram is a cubic between two points. Pure iron melts at
-1537.8 degC and turns from delta to gamma at 1394.4, the peritectic is L(0.528) + delta(0.093) ->
-gamma(0.172) at 1494.6. How near it is to the database stands in docs/materials.md.
+1537.8 degC and transforms from delta to gamma at 1394.4, the peritectic is L(0.528) + delta(0.093)
+-> gamma(0.172) at 1494.6. docs/materials.md gives its accuracy.
 
 `pascon` is that of the thesis, with straight lines between these points (degC, wt% C):
 
@@ -14,8 +14,8 @@ gamma(0.172) at 1494.6. How near it is to the database stands in docs/materials.
 The thesis prints 1493 twice in its tables where 1495 is meant, and 0.723 for the liquid of the
 0.42 %C steel below the peritectic, where its own balance (0.42 - 0.18)/(0.51 - 0.18) gives 0.727.
 
-Below the region where austenite is stable (A3, Acm) the steel is still reported as austenite:
-ferrite, pearlite and cementite are not modelled, since the diagram serves solidification.
+Below the range where austenite is stable (A3, Acm) the steel is still reported as austenite:
+ferrite, pearlite and cementite are not modelled, since the diagram is for solidification.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -35,7 +35,7 @@ from castfem.base.types import Array
 
 Side = Literal["above", "below"]
 DiagramName = Literal["assessed", "pascon", "segregated"]
-# Where each diagram comes from, and the status of that.
+# Source and status of each diagram.
 SOURCES: Mapping[DiagramName, tuple[str, str]] = {
     "assessed": ("Fe-C diagram fitted to Povoden-Karadeniz (2016), shifted by the alloying", "C"),
     "segregated": (
@@ -45,16 +45,17 @@ SOURCES: Mapping[DiagramName, tuple[str, str]] = {
     "pascon": ("Fe-C diagram of Pascon (2003), II.1.5, shifted by the alloying", "F"),
 }
 
-MAX_CARBON = 2.11  # wt%, the most that austenite dissolves
-TRACE = 1e-6  # wt% C: less is pure iron, its freezing range would be lost in rounding
+MAX_CARBON = 2.11  # wt%, the solubility limit of austenite
+# wt% C below which the steel is pure iron, since its freezing range would be lost in rounding
+TRACE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Carbon of one phase in equilibrium with another over the temperature, a cubic.
+    """Carbon of one phase in equilibrium with another as a cubic in the temperature.
 
-    With s from 0 at the first to 1 at the last point it is
-    c0 + (c1 - c0) s + s (1 - s) (b0 + b1 s), and so beyond the points.
+    With s from 0 at the first to 1 at the last point it is c0 + (c1 - c0) s + s (1 - s) (b0 + b1
+    s), also beyond the points.
     """
 
     first: tuple[float, float]  #: temperature, K, and carbon, wt%, at one point
@@ -68,9 +69,9 @@ class Line:
         return np.asarray(c0 + (c1 - c0) * s + s * (1.0 - s) * (self.bend[0] + self.bend[1] * s))
 
     def temperature(self, carbon: float) -> float:
-        """Temperature at which a line has so much carbon, wt%, in K.
+        """Temperature of a line at a carbon content, wt%, in K.
 
-        Alloying moves the peritectic along the lines: it may lie beyond their points.
+        Alloying moves the peritectic along the lines: it may be beyond their points.
         """
         (t0, c0), (t1, c1) = self.first, self.last
         if carbon == c0 or not any(self.bend):
@@ -85,7 +86,7 @@ class Line:
 
 
 def root(beyond: Callable[[float], bool], start: float, end: float) -> float:
-    """Where a condition that does not hold at the start begins to hold, by halving to rounding."""
+    """Point at which a condition begins to hold that does not hold at the start, by bisection."""
     while start != (middle := 0.5 * (start + end)) != end:
         start, end = (start, middle) if beyond(middle) else (middle, end)
     return middle
@@ -93,14 +94,14 @@ def root(beyond: Callable[[float], bool], start: float, end: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """The lines at which iron and carbon freeze, and their transformation of pure iron."""
+    """The lines of the iron-carbon diagram at freezing, and the transformation of pure iron."""
 
     liquid_delta: Line  #: liquid in equilibrium with delta ferrite, from the melting point
     delta: Line  #: delta ferrite in equilibrium with liquid, likewise
     liquid_gamma: Line  #: liquid in equilibrium with austenite, from the peritectic
     gamma: Line  #: austenite in equilibrium with liquid, likewise
     transformation: float  #: delta -> gamma of pure iron, K
-    #: bends of the lines from there to the peritectic, of delta ferrite and austenite, wt%
+    #: bends of the lines from there to the peritectic, for delta ferrite and austenite, wt%
     bends: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
 
 
@@ -123,18 +124,18 @@ ASSESSED = Lines(
 
 @dataclass(frozen=True, slots=True)
 class Phases:
-    """Mass fractions of the phases and the carbon in each; all arrays of one shape."""
+    """Mass fractions of the phases and the carbon in each; all arrays have the same shape."""
 
     liquid: Array  #: fraction of liquid
     delta: Array  #: fraction of delta ferrite
     gamma: Array  #: fraction of austenite
-    carbon_liquid: Array  #: carbon in the liquid, wt%; NaN where there is none of it
-    carbon_delta: Array  #: carbon in the delta ferrite, wt%; NaN where there is none of it
-    carbon_gamma: Array  #: carbon in the austenite, wt%; NaN where there is none of it
+    carbon_liquid: Array  #: carbon in the liquid, wt%; NaN where absent
+    carbon_delta: Array  #: carbon in the delta ferrite, wt%; NaN where absent
+    carbon_gamma: Array  #: carbon in the austenite, wt%; NaN where absent
 
 
 class Diagram(Protocol):
-    """What properties by phase need of a steel: the diagram, or a table of its phases."""
+    """Interface for properties by phase: the diagram, or a table of phases, of a steel."""
 
     @property
     def carbon(self) -> float:
@@ -172,15 +173,15 @@ class Diagram(Protocol):
 class IronCarbon:
     """Equilibrium of a steel on cooling from the melt, by the lever rule (5)-(11).
 
-    Alloying shifts the lines, all by the same; manganese and silicon beside the assessed ones are
-    in `alloyed_iron`.
+    Alloying shifts all lines equally; `alloyed_iron` treats manganese and silicon with the assessed
+    diagram.
 
     Raises:
-        ValueError: If the carbon content is out of range or the points are out of order.
+        ValueError: The carbon content is out of range, or the points are out of order.
     """
 
-    carbon: float  #: carbon content, wt%, from 0 to 2.11; a trace below 1e-6 counts as none
-    lines: Lines = PASCON  #: of the diagram; by default the straight ones of the thesis
+    carbon: float  #: carbon content, wt%, from 0 to 2.11; below 1e-6 it counts as none
+    lines: Lines = PASCON  #: lines of the diagram; by default the straight ones of the thesis
     peritectic: float = PASCON.liquid_delta.last[0]  #: temperature of the peritectic reaction, K
 
     def __post_init__(self) -> None:
@@ -209,10 +210,10 @@ class IronCarbon:
 
     @property
     def eutectic(self) -> float:
-        """Temperature at which austenite holds the most carbon, K."""
+        """Temperature of the largest carbon content of austenite, K."""
         return self.lines.gamma.last[0]
 
-    @cached_property  # asked for in each step
+    @cached_property  # used in each step
     def at_peritectic(self) -> tuple[float, float, float]:
         """Carbon of delta ferrite, austenite and liquid at the peritectic, wt%."""
         lines = (self.lines.delta, self.lines.gamma, self.lines.liquid_delta)
@@ -282,12 +283,12 @@ class IronCarbon:
 
         Args:
             temperature: K, any shape.
-            side: The state at exactly the temperature of an isothermal reaction (see `reactions`):
-                "above" before it as the steel cools (L + delta at the peritectic), "below" after
-                it.  Everywhere else both are the same.
+            side: State at exactly the temperature of an isothermal reaction (see `reactions`):
+                "above" before it on cooling (L + delta at the peritectic), "below" after it.
+                Everywhere else both are equal.
 
         Returns:
-            Arrays of the shape of `temperature`; the fractions lie in [0, 1] and sum to 1.
+            Arrays of the shape of `temperature`; the fractions are in [0, 1] and sum to 1.
         """
         t = np.asarray(temperature, float)
         beyond = np.greater_equal if side == "above" else np.greater
@@ -309,7 +310,7 @@ class IronCarbon:
         )
 
     def _carbon(self, fraction: Array, equilibrium: Array) -> Array:
-        """Carbon of one phase: that of the steel where it is alone, NaN where it is absent."""
+        """Carbon of one phase: that of the steel if it is the only one, NaN if it is absent."""
         return np.where(fraction >= 1.0, self.carbon, np.where(fraction > 0.0, equilibrium, np.nan))
 
     def _melting_delta(self, t: Array, beyond: np.ufunc) -> tuple[Array, Array, Array]:
@@ -331,11 +332,11 @@ class IronCarbon:
     def solid(
         self, t: Array, carbon: Array | float, side: Side = "above"
     ) -> tuple[Array, Array, Array]:
-        """Share of delta ferrite in solid below the peritectic, and the carbon of both phases.
+        """Fraction of delta ferrite in solid below the peritectic, and the carbon of both phases.
 
         Args:
             t: Temperatures, K (any shape).
-            carbon: Of the solid, wt% (of that shape).
+            carbon: Carbon of the solid, wt% (same shape).
             side: See `phases`.
         """
         return solid_phases(self._solid_lines, t, carbon, side)
@@ -344,12 +345,12 @@ class IronCarbon:
 def solid_phases(
     lines: tuple[Line, Line], t: Array, carbon: Array | float, side: Side
 ) -> tuple[Array, Array, Array]:
-    """Share of delta ferrite in solid between both lines, and the carbon of both phases.
+    """Fraction of delta ferrite in solid between both lines, and the carbon of both phases.
 
     Args:
         lines: Delta ferrite and austenite in equilibrium, both from pure iron.
         t: Temperatures, K (any shape).
-        carbon: Of the solid, wt% (of that shape).
+        carbon: Carbon of the solid, wt% (same shape).
         side: See `IronCarbon.phases`.
     """
     beyond = np.greater_equal if side == "above" else np.greater

@@ -1,9 +1,9 @@
-"""Heat capacity and conductivity of a steel as pieces that are linear in T, exact where it counts.
+"""Heat capacity and conductivity of a steel as pieces linear in T, with exact integrals.
 
 Pieces begin and end at every kink and jump of a property; where a property is curved in between,
-they are 2 K long at most, and shorter in the mushy zone.  The heat a piece takes up is integrated
-to rounding, and what the linear rho c misses of it is put into the constant part, so that the
-enthalpy is exact at every knot.
+they are at most 2 K long, and shorter in the mushy zone. The heat of a piece is integrated to
+rounding, and the error of the linear rho c is added to its constant part, so that the enthalpy is
+exact at every knot.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 @dataclass(frozen=True, slots=True)
 class PieceLimits:
-    """Into how many pieces a property is cut."""
+    """Limits of the division of a property into pieces."""
 
     longest: float = 2.0  # K, of a curved piece
     fewest: int = 64  # pieces of a curved interval: the lever rule is steep near the liquidus
-    merge: float = 1e-9  # K: closer kinks are one (rounding of a point computed two ways)
+    merge: float = 1e-9  # K: closer kinks are merged (rounding of a point computed in two ways)
 
 
 LIMITS = PieceLimits()
@@ -55,10 +55,10 @@ def merged(kinks: Iterable[float], jumps: Iterable[float], lower: float, upper: 
     """Kinks and jumps within [lower, upper], increasing; of nearly equal ones a jump is kept.
 
     Args:
-        kinks: K.
-        jumps: K; these very floats are kept, since properties compare with them.
-        lower: K.
-        upper: K.
+        kinks: Temperatures, K.
+        jumps: Temperatures, K; these exact floats are kept, since properties compare with them.
+        lower: Lower limit, K.
+        upper: Upper limit, K.
     """
     kept = sorted({t for t in jumps if lower <= t <= upper})
     for t in sorted(set(kinks)):
@@ -68,11 +68,11 @@ def merged(kinks: Iterable[float], jumps: Iterable[float], lower: float, upper: 
 
 
 def grid(breakpoints: Array, lower: float, upper: float, curved: bool) -> Array:
-    """Knots from `lower` to `upper` with all breakpoints; curved pieces are cut up finely."""
+    """Knots from `lower` to `upper` with all breakpoints; curved pieces are divided finely."""
     merge = LIMITS.merge
     inside = breakpoints[(breakpoints > lower + merge) & (breakpoints < upper - merge)]
     ends = np.concatenate([[lower], inside, [upper]])
-    # A breakpoint next to an end replaces it, so that a jump there is met exactly.
+    # A breakpoint next to an end replaces it, so that a jump there is hit exactly.
     for i, end in ((0, lower), (-1, upper)):
         near = breakpoints[np.abs(breakpoints - end) <= merge]
         if near.size:
@@ -87,7 +87,7 @@ def grid(breakpoints: Array, lower: float, upper: float, curved: bool) -> Array:
 
 
 def nodes(knots: Array) -> Array:
-    """Temperatures of the integration points of each piece, (n-1, 7); the ends are the knots."""
+    """Integration points of each piece, (n-1, 7), K; the ends are the knots."""
     left, right = knots[:-1, None], knots[1:, None]
     t = left + POINTS * (right - left)
     t[:, 0], t[:, -1] = knots[:-1], knots[1:]

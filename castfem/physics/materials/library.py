@@ -1,4 +1,4 @@
-"""Steels by name: the sets shipped with castfem, the user's own files, and changes for one case."""
+"""Steels by name: sets shipped with castfem, the user's files, and changes for one case."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from castfem.physics.materials.phase_table import PhaseTable, Request
 from castfem.physics.materials.schema import Keys, MaterialFile, Problem
 from castfem.physics.materials.steel import Steel
 
-# Other elements that an analysis of a steel may name.
+# Other elements that an analysis of a steel may contain.
 TRACES = frozenset((
     *("H", "Be", "B", "N", "O", "Mg", "Ca", "Ti", "V", "Co", "Zn", "Ga", "Ge", "As", "Se", "Y"),
     *("Zr", "Nb", "Mo", "Ag", "Sn", "Sb", "Te", "La", "Ce", "Nd", "Hf", "Ta", "W", "Pb", "Bi"),
@@ -29,7 +29,7 @@ FOLDER = Path(__file__).parent / "data"
 
 
 def available_steels() -> dict[str, str]:
-    """Return the names of the sets shipped with castfem, each with its description."""
+    """Return the names of the sets shipped with castfem, with their descriptions."""
     found = {}
     for path in sorted(FOLDER.glob("*.toml")):
         found[path.stem] = str(tomllib.loads(path.read_text("utf-8")).get("description", ""))
@@ -48,19 +48,19 @@ def load_steel(
     """Load a steel.
 
     Args:
-        name: A set shipped with castfem, or the path of a TOML file (it ends in .toml or has a
-            slash), relative to `base_dir`.
-        base_dir: Folder of the case file; the working folder if left out.
+        name: A set shipped with castfem, or the path of a TOML file (ends in .toml or has a slash),
+            relative to `base_dir`.
+        base_dir: Folder of the case file; by default the working folder.
         composition: wt% by element symbol, for a set that is computed from it.
-        overrides: Keys of the set to change, written as in its file.  One that brings a value, a
-            table or a formula replaces the whole property, others are merged into it. A
-            `Request` as "database" makes phases and heat those of a thermodynamic database.
+        overrides: Keys of the set to change, written as in its file. A value, a table or a formula
+            replaces the whole property, other keys are merged into it. A `Request` as "database"
+            takes phases and heat from a thermodynamic database.
         origin: Where name, composition and overrides were written ("billet.toml: steel"), for
             messages.
-        where: The same of single keys below, ("overrides", "density"); `origin` for all if None.
+        where: The same for single keys, ("overrides", "density"); None: `origin` for all.
 
     Raises:
-        InputError: With all problems found, one line each.
+        InputError: The steel is faulty; all problems, one line each.
     """
     path = _locate(name, Path(base_dir or "."), origin)
     label = _label(path)
@@ -93,7 +93,7 @@ def load_steel(
 
 
 def _by_database(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Changes that take solid fraction and heat from a database, but for what the case has."""
+    """Changes that take solid fraction and heat from a database, except those of the case."""
     own = changes.keys() & {"enthalpy", "latent_heat"}
     keys = ("solid_fraction",) if own else ("solid_fraction", "enthalpy", "specific_heat")
     wanted = {key: {"formula": BY_DATABASE, "source": ""} for key in keys}
@@ -103,7 +103,7 @@ def _by_database(changes: Mapping[str, Any]) -> dict[str, Any]:
 def _table(
     request: Request, base: Path, composition: Mapping[str, float], problems: list[Problem]
 ) -> PhaseTable | None:
-    """Return the phases by a database, or note why there are none."""
+    """Return the phases from a database, or record why there are none."""
     from castfem.physics.materials.calphad import table_of
 
     file = os.path.join(base, request.file)
@@ -117,7 +117,7 @@ def _table(
 
 
 def given_steel(name: str) -> dict[str, Any]:
-    """Return the tables of a shipped steel or a file of one's own, as written.
+    """Return the tables of a shipped steel or a user's file, as written.
 
     Raises:
         InputError: It cannot be read.
@@ -153,7 +153,7 @@ def _locate(name: str, base: Path, origin: str) -> Path:
 
 
 def _label(path: Path) -> str:
-    """Return how a file is called in messages: a shipped set by its name, others by their path."""
+    """Return the name of a file in messages: of a shipped set its name, of others the path."""
     if path.parent == FOLDER:
         return f"steel {path.stem}"
     try:
@@ -163,7 +163,7 @@ def _label(path: Path) -> str:
 
 
 def _parse(path: Path, label: str) -> dict[str, Any]:
-    """Read a TOML file; tables in CSV files are taken relative to it."""
+    """Read a TOML file; CSV files of its tables are relative to it."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -183,11 +183,11 @@ def _parse(path: Path, label: str) -> dict[str, Any]:
 
 
 def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Apply overrides; a property that gets another value loses the source of the old one.
+    """Apply overrides; a property with a new value loses the source of the old one.
 
-    What the override makes meaningless goes: the solidus and liquidus of the set under a solid
-    fraction that brings its own, one of latent heat and enthalpy under the other, and the specific
-    heat under a table of enthalpies.
+    Keys that the override makes meaningless are removed: the solidus and liquidus of the set for a
+    solid fraction with its own, latent heat for an enthalpy and vice versa, and the specific heat
+    for a table of enthalpies.
     """
     merged = copy.deepcopy(data)
     fraction = changes.get("solid_fraction")
@@ -216,7 +216,7 @@ def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
 def _composition(
     given: MaterialFile, asked: Mapping[str, Any] | None, name: str, request: Request | None
 ) -> tuple[dict[str, float], list[Problem]]:
-    """Return the composition in wt%, the case's over the file's, and what is wrong with it."""
+    """Return the composition in wt%, the case's before the file's, and its faults."""
     problems, amounts = [], {}
     if asked and not given.from_composition and request is None:
         sets = ", ".join(s for s in available_steels() if "plain_carbon" in s)
@@ -228,7 +228,7 @@ def _composition(
     for element, value in {**given.composition, **(asked or {})}.items():
         most = MAX_CARBON if element == "C" else MAX_ALLOYING
         if request is not None:
-            most = 50.0  # iron is the rest; what the database covers is said by itself
+            most = 50.0  # iron is the rest; the limits of the database are reported separately
         if element not in ELEMENTS and element not in TRACES:
             text = f"no data for this element; known: {choices(ELEMENTS)}"
             text += nearest(element, ELEMENTS)

@@ -1,18 +1,19 @@
-"""Microsegregation: how steel freezes whose solutes diffuse only so far in the solid [Won2001].
+"""Microsegregation: freezing of steel with limited diffusion in the solid [Won2001].
 
-Solutes that freezing rejects gather in the last liquid and lower its freezing point by tens of
-kelvin below the solidus of equilibrium. Their content in the liquid is
+Rejected solutes accumulate in the last liquid and lower its freezing point by tens of kelvin below
+the equilibrium solidus. Their content in the liquid is
 
     C = C0 [1 + f (b k - 1)]^((1 - k)/(b k - 1)),  b = 2 a (1 - exp(-1/a)) - exp(-1/(2 a)),
     a = 2 (4 D t/l2^2 + 0.1)
 
-with the partition k, the diffusion D at the end of freezing, its time t, and the secondary arm
-spacing l2. Delta ferrite freezes until the surface of the crystals would turn to austenite; from
-there on its share of the solid falls, and the liquid is the mean of what both make of it.
+with the partition k, the diffusion coefficient D at the end of freezing, its time t, and the
+secondary arm spacing l2. Delta ferrite freezes until the surface of the crystals would transform to
+austenite; from there on its fraction of the solid falls, and the liquid is the average of those
+beside both phases.
 
-The numbers were compared with the public code [Microsegregation], which has those of C, Si,
-Mn and S (its diffusion is a factor of 1e4 too slow, by a unit that is converted twice, and that of
-C in austenite has a sign too few); those of P are from memory.
+The numbers were compared with the public code [Microsegregation], which has those of C, Si, Mn and
+S (its diffusion is too slow by a factor of 1e4, since a unit is converted twice, and that of C in
+austenite lacks a sign); those of P are quoted from memory.
 """
 
 from __future__ import annotations
@@ -32,31 +33,32 @@ from castfem.physics.materials.hot_tearing import secondary_arm_spacing
 from castfem.physics.materials.iron_carbon import IronCarbon, Phases, Side, root
 
 CALORIE = 4.184  # J
-GAS = 1.987 * CALORIE  # J/(mol K), as the activation energies were taken with
-COARSENING = 0.1  # what the growth of the arms adds to 4 D t/l2^2
+GAS = 1.987 * CALORIE  # J/(mol K), used with the activation energies
+COARSENING = 0.1  # contribution of arm coarsening to 4 D t/l2^2
 TRANSFORMATION = 1392.0 + ZERO_CELSIUS  # K: delta -> gamma of pure iron
-FALL = 2.0  # exponent of the share of delta ferrite over the temperature
+FALL = 2.0  # exponent of the fraction of delta ferrite over the temperature
 COOLING_RATE = 10.0
-"""While a steel freezes, K/s; a tenth of it raises the end of freezing by 2 K, of 0.42 % C by 5."""
+"""Cooling rate during freezing, K/s; a tenth of it raises the end of freezing by 2 K, at 0.42 % C
+by 5."""
 MOST_CARBON = 1.0  # wt%
 FRACTIONS: Array = np.asarray(np.linspace(0.0, 1.0, 401), float)
 """Solid fractions at which the path is computed."""
-HALVINGS = 60  # to rounding
-ROUNDS, NEAR = 100, 1e-6  # of the end of freezing, and K within which it is found
+HALVINGS = 60  # bisections, to rounding
+ROUNDS, NEAR = 100, 1e-6  # iterations for the end of freezing, and their tolerance, K
 
 
 @dataclass(frozen=True, slots=True)
 class Solute:
-    """An element between liquid and crystals; pairs are of delta ferrite and of austenite."""
+    """A solute between liquid and crystals; pairs are for delta ferrite and austenite."""
 
     partition: tuple[float, float]  #: content of the solid over that of the liquid
-    diffusion: tuple[float, float]  #: in the solid at infinite temperature, cm2/s
-    activation: tuple[float, float]  #: of diffusion, cal/mol
-    liquidus: float  #: drop of the freezing point, K per wt% of the liquid
-    transformation: float  #: rise of delta -> gamma, K per wt% of the ferrite
+    diffusion: tuple[float, float]  #: pre-exponential diffusion coefficient in the solid, cm2/s
+    activation: tuple[float, float]  #: activation energy of diffusion, cal/mol
+    liquidus: float  #: drop of the freezing point, K per wt% in the liquid
+    transformation: float  #: rise of delta -> gamma, K per wt% in the ferrite
 
     def diffusivity(self, solid: int, temperature: float) -> float:
-        """In delta ferrite (0) or austenite (1) at a temperature in K, m2/s."""
+        """Diffusion coefficient in delta ferrite (0) or austenite (1) at a temperature, K, m2/s."""
         slowed = np.exp(-self.activation[solid] * CALORIE / (GAS * temperature))
         return float(1e-4 * self.diffusion[solid] * slowed)
 
@@ -71,35 +73,35 @@ SOLUTES: Mapping[str, Solute] = {
 
 
 def back_diffusion(fourier: float) -> float:
-    """The parameter b of a solute, 0 where nothing diffuses in the solid and 1 where all does.
+    """Back-diffusion parameter b of a solute: 0 without diffusion in the solid, 1 with complete.
 
     Args:
-        fourier: 4 D t/l2^2; the growth of the arms is added to it.
+        fourier: 4 D t/l2^2; arm coarsening is added to it.
     """
     a = 2.0 * (fourier + COARSENING)
     return float(2.0 * a * (1.0 - np.exp(-1.0 / a)) - np.exp(-0.5 / a))
 
 
 def enriched(content: float, fraction: Array, partition: float, back: float) -> Array:
-    """Content of the liquid where so much is solid (n,), wt%."""
+    """Content of the liquid at solid fractions (n,), wt%."""
     left = back * partition - 1.0
     return np.asarray(content * (1.0 + fraction * left) ** ((1.0 - partition) / left))
 
 
 @dataclass(frozen=True)
 class Segregation:
-    """The freezing of a steel; elements other than `SOLUTES` lower its liquidus alone."""
+    """Freezing of a steel; elements other than `SOLUTES` only lower its liquidus."""
 
-    composition: Mapping[str, float]  #: wt%, with carbon
-    cooling_rate: float  #: while it freezes, K/s
-    liquidus: float  #: of the steel, K, from which the path is counted down
+    composition: Mapping[str, float]  #: wt%, including carbon
+    cooling_rate: float  #: cooling rate during freezing, K/s
+    liquidus: float  #: liquidus of the steel, K, from which the path starts
 
     def temperature(self, fraction: float) -> float:
-        """Temperature at which so much is solid, K."""
+        """Temperature at a solid fraction, K."""
         return float(np.interp(fraction, FRACTIONS, self.path))
 
     def solid_fraction(self, temperature: Array) -> Array:
-        """How much is solid at temperatures (n,), K."""
+        """Solid fraction at temperatures (n,), K."""
         return np.interp(-np.asarray(temperature), -self.path, FRACTIONS)
 
     def carbon(self, temperature: Array) -> Array:
@@ -108,7 +110,7 @@ class Segregation:
 
     @property
     def path(self) -> Array:
-        """Temperatures at which `FRACTIONS` are solid, not rising (m,), K."""
+        """Temperatures at `FRACTIONS`, not rising (m,), K."""
         return self._found[0]
 
     @cached_property
@@ -129,7 +131,7 @@ class Segregation:
         return {name: given[name] for name in SOLUTES if given.get(name, 0.0) > 0.0}
 
     def _freezing_point(self, liquid: Mapping[str, Array]) -> Array:
-        """Of a liquid of such contents, K; the liquidus is that of the steel's own."""
+        """Freezing point of a liquid with these contents, K; the liquidus is that of the steel."""
         gathered = [
             SOLUTES[name].liquidus * (content - self._contents[name])
             for name, content in liquid.items()
@@ -150,7 +152,7 @@ class Segregation:
         return found
 
     def _path(self, time: float, end: float) -> tuple[Array, Array]:
-        """As `_found`, if freezing takes a time, s, and ends at a temperature, K."""
+        """Like `_found`, for a given freezing time, s, and end temperature, K."""
         beside_delta, beside_gamma = (self._liquid(solid, time, end) for solid in (0, 1))
         delta, gamma = self._freezing_point(beside_delta), self._freezing_point(beside_gamma)
         raised = [
@@ -159,12 +161,13 @@ class Segregation:
         ]
         turns = np.asarray(TRANSFORMATION + sum(raised))
         first = int(np.argmax(delta <= turns))
-        if not delta[first] <= turns[first]:  # it freezes to delta ferrite throughout
+        if not delta[first] <= turns[first]:  # it freezes completely to delta ferrite
             return delta, beside_delta["C"]
         start, stop = delta[first], min(turns[0], delta[first] - NEAR)
         turning = np.arange(len(delta)) >= first
         low, high = np.minimum(delta, gamma), np.maximum(delta, gamma)
-        for _ in range(HALVINGS):  # the share of ferrite is that of the temperature it makes
+        # the fraction of ferrite must agree with the temperature it gives
+        for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             share = np.clip((middle - stop) / (start - stop), 0.0, 1.0) ** FALL
             share = np.where(turning, share, 1.0)
@@ -176,13 +179,13 @@ class Segregation:
 
 @dataclass(frozen=True)
 class SegregatedDiagram:
-    """What `IronCarbon` tells of a steel, which freezes by its microsegregation instead.
+    """Same interface as `IronCarbon`, for a steel that freezes with microsegregation.
 
-    The solid is in equilibrium, with what carbon is not in the liquid.
+    The solid is in equilibrium, with the carbon that is not in the liquid.
     """
 
-    equilibrium: IronCarbon | AlloyedIron  #: whose solid it is
-    freezing: Segregation  #: how the liquid becomes less
+    equilibrium: IronCarbon | AlloyedIron  #: equilibrium of the solid
+    freezing: Segregation  #: freezing of the liquid
 
     @property
     def carbon(self) -> float:
@@ -220,7 +223,7 @@ class SegregatedDiagram:
 
     @property
     def reactions(self) -> tuple[float, ...]:
-        """Where delta jumps to gamma, K: the peritectic, if the solid has so much carbon there."""
+        """Temperature of the peritectic, K, if the solid has enough carbon there."""
         return () if self.gamma_start != self.equilibrium.peritectic else (self.gamma_start,)
 
     @property
@@ -230,7 +233,7 @@ class SegregatedDiagram:
         return tuple(sorted({t for t in limits if t is not None}))
 
     def phases(self, temperature: npt.ArrayLike, side: Side = "above") -> Phases:
-        """As of `IronCarbon`."""
+        """See `IronCarbon`."""
         t, steel = np.asarray(temperature, float), self.equilibrium
         solid = self.freezing.solid_fraction(t)
         liquid, in_liquid = 1.0 - solid, self.freezing.carbon(t)
@@ -251,10 +254,10 @@ class SegregatedDiagram:
 
 
 def segregated(composition: Mapping[str, float]) -> SegregatedDiagram:
-    """The diagram of a composition in wt%, assessed where it is solid, that freezes segregated.
+    """Return the diagram of a composition in wt%, assessed in the solid, with microsegregation.
 
     Raises:
-        ValueError: An element, or all of them, are out of range.
+        ValueError: An element, or their sum, is out of range.
     """
     if not 0.0 < composition.get("C", 0.0) <= MOST_CARBON:
         raise ValueError(

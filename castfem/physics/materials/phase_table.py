@@ -1,13 +1,13 @@
-"""Phases and heat of a steel over temperature as a table: what a thermodynamic database gives.
+"""Tables of phases and heat of a steel over temperature, from a thermodynamic database.
 
-`castfem.physics.materials.calphad` computes it; a run keeps it beside its case as CSV. The first
-lines of the file, "# name: value", say where it comes from. Then rows over rising temperature: a
-temperature that stands twice is a jump, its colder side first. Between the rows all is linear.
+`castfem.physics.materials.calphad` computes it; a run stores it beside its case as CSV. The first
+lines of the file, "# name: value", give its origin. The rows follow with rising temperature: a
+repeated temperature is a jump, its colder side first. Values are linear between the rows.
 
-`PhaseTable` has the interface of the built-in iron-carbon diagram, by which conductivity, density
-and contraction go. Those know liquid, delta ferrite and austenite: as in the diagram, ferrite
-below austenite (alpha), carbides and other phases count as austenite in `PhaseTable.phases`, with
-the carbon that all of them hold. `PhaseTable.fraction` tells them apart.
+`PhaseTable` has the interface of the built-in iron-carbon diagram, on which conductivity, density
+and contraction depend. These distinguish liquid, delta ferrite and austenite: as in the diagram,
+ferrite below austenite (alpha), carbides and other phases count as austenite in
+`PhaseTable.phases`, with the total carbon of all of them. `PhaseTable.fraction` distinguishes them.
 """
 
 from __future__ import annotations
@@ -39,30 +39,32 @@ FORMAT = "castfem phases 1"
 
 @dataclass(frozen=True, slots=True)
 class Scheil:
-    """Freezing without diffusion in the solid, but for carbon."""
+    """Freezing without diffusion in the solid, except of carbon."""
 
     #: mass fraction of liquid at which the path ends: the rest freezes at that temperature
     end: float = 0.01
-    #: whether carbon is in equilibrium between liquid and solid (back diffusion), or stays
+    #: whether carbon is in equilibrium between liquid and solid (back diffusion); otherwise it
+    #: stays
     carbon_diffuses: bool = True
 
     def __str__(self) -> str:
-        """As in the header of a table."""
+        """The text in the header of a table."""
         carbon = "diffuses" if self.carbon_diffuses else "stays"
         return f"Scheil to {self.end:g} liquid, carbon {carbon}"
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a case asks of a database."""
+    """Request of a case for a database."""
 
     file: str  #: a database (.tdb), or a table that was computed from one (.csv)
-    phases: tuple[str, ...] = ()  #: its names of the phases; empty for the usual ones of steel
+    #: names of phases in the database; empty for the usual ones of steel
+    phases: tuple[str, ...] = ()
     scheil: Scheil | None = None  #: None for equilibrium
 
     @property
     def freezing(self) -> str:
-        """As in the header of a table."""
+        """Kind of freezing in the header of a table."""
         return "equilibrium" if self.scheil is None else str(self.scheil)
 
 
@@ -76,16 +78,16 @@ class PhaseTable:
     """Mass fractions, carbon and heat over temperature.
 
     Raises:
-        ValueError: The table is not of this kind.
+        ValueError: The columns do not form such a table.
     """
 
-    #: where it comes from, see `HEADER`; perhaps `outside`, what the database does not state to
-    #: cover
+    #: origin of the table, see `HEADER`; may contain `outside`, contents beyond the stated range of
+    #: the database
     header: Mapping[str, str]
-    temperature: Array  #: rows (n,), K, rising; a jump is a temperature that stands twice
-    #: `FRACTIONS` (sum 1), `CARBON` (wt%, NaN where there is none of the phase), and `HEAT` (J/kg,
-    #: 0 in the first row; J/(kg K), that of transformations left out), (n,) each. `carbon_gamma` is
-    #: that of all solid but delta ferrite.
+    temperature: Array  #: rows (n,), K, rising; a repeated temperature is a jump
+    #: `FRACTIONS` (sum 1), `CARBON` (wt%, NaN where the phase is absent), and `HEAT` (J/kg, 0 in
+    #: the first row; J/(kg K), without transformations), (n,) each. `carbon_gamma` is that of all
+    #: solid except delta ferrite
     columns: Mapping[str, Array]
 
     def __post_init__(self) -> None:
@@ -103,11 +105,13 @@ class PhaseTable:
                 "it needs two rows at least, with temperature, enthalpy, specific heat",
             ]
         if step.min() < 0.0 or (len(t) > 2 and (step[1:] + step[:-1]).min() <= 0.0):
-            faults.append("its temperatures must rise; one may stand twice, where all jumps")
+            faults.append("its temperatures must increase; one may appear twice, at a jump")
         if not (shares.min() >= 0.0 and np.abs(shares.sum(axis=0) - 1.0).max() < 1e-4):
             faults.append("the fractions of its phases must lie between 0 and 1 and sum to 1")
         if not (np.diff(heat[0]).min() > 0.0 and heat[1].min() > 0.0):
-            faults.append("its enthalpy must rise with temperature, its specific heat be positive")
+            faults.append(
+                "its enthalpy must increase with temperature, its specific heat be positive"
+            )
         liquid = shares[0]
         if not (liquid[0] == 0.0 and liquid[-1] == 1.0):
             faults.append("it must go from solid in the first row to liquid in the last")
@@ -115,7 +119,7 @@ class PhaseTable:
 
     @property
     def source(self) -> str:
-        """Where it comes from, one line."""
+        """Origin of the table, one line."""
         h = self.header
         return f"{h['database']}, version {h['version']}, {h['freezing']}; {h['licence']}"
 
@@ -155,7 +159,7 @@ class PhaseTable:
 
     @cached_property
     def kinks(self) -> tuple[float, ...]:
-        """Temperatures at which a phase comes or goes, K, increasing."""
+        """Temperatures at which a phase appears or vanishes, K, increasing."""
         there = np.array([self.columns[name] > 0.0 for name in FRACTIONS])
         between = there[:, 1:] | there[:, :-1]
         changes = self.temperature[1:-1][(between[:, 1:] != between[:, :-1]).any(axis=0)]
@@ -163,11 +167,11 @@ class PhaseTable:
 
     @cached_property
     def _rest(self) -> Array:
-        """Fraction of what counts as austenite in `phases`."""
+        """Fraction of the phases that count as austenite in `phases`."""
         return np.sum([self.columns[name] for name in FRACTIONS[2:]], axis=0)
 
     def _at(self, temperature: npt.ArrayLike, side: Side) -> tuple[Indices, Array]:
-        """The row below each temperature, and the place between it and the next, 0 to 1 inside."""
+        """Row below each temperature, and relative position up to the next, 0 to 1 inside."""
         t, rows = np.asarray(temperature, float), self.temperature
         below = np.searchsorted(rows, t, "right" if side == "above" else "left") - 1
         below = np.clip(below, 0, len(rows) - 2)
@@ -176,7 +180,7 @@ class PhaseTable:
     def value(self, name: str, temperature: npt.ArrayLike, side: Side = "above") -> Array:
         """A column at temperatures in K (any shape), in its unit.
 
-        Beyond the rows the enthalpy goes on by its last slopes, all else is constant.
+        Beyond the rows the enthalpy continues with its last slopes; all else is constant.
         """
         below, place = self._at(temperature, side)
         if name != "enthalpy":
@@ -190,7 +194,7 @@ class PhaseTable:
         return self.value(name, temperature, side)
 
     def phases(self, temperature: npt.ArrayLike, side: Side = "above") -> Phases:
-        """As of `IronCarbon`; what is neither liquid nor delta ferrite counts as austenite."""
+        """See `IronCarbon`; phases other than liquid and delta ferrite count as austenite."""
         parts = [self.value(name, temperature, side) for name in ("liquid", "delta", "rest")]
         carbon = [
             np.where(part > 0.0, self.value(name, temperature, side), np.nan)
@@ -211,14 +215,14 @@ class PhaseTable:
 
 
 def read(text: str) -> PhaseTable:
-    """The table that `PhaseTable.to_text` has written.
+    """Read a table written by `PhaseTable.to_text`.
 
     Raises:
-        ValueError: It is not one, or has been changed.
+        ValueError: It is not a table, or has been changed.
     """
     lines = text.splitlines()
     if not lines or lines[0] != f"# {FORMAT}":
-        raise ValueError(f'is no table of phases; its first line would be "# {FORMAT}"')
+        raise ValueError(f'is not a table of phases; its first line must be "# {FORMAT}"')
     notes = [line[2:].partition(": ") for line in lines[1:] if line.startswith("# ")]
     header = {key: value for key, _, value in notes}
     head, *rows = csv.reader(io.StringIO("\n".join(line for line in lines if line[:1] != "#")))
@@ -229,7 +233,7 @@ def read(text: str) -> PhaseTable:
         cells = np.array([[float(cell or "nan") for cell in row] for row in rows], float)
         columns = dict(zip(names, cells.T, strict=True))
     except ValueError:
-        raise ValueError("a row of it is not complete, or holds what is no number") from None
+        raise ValueError("a row is incomplete or has a cell that is not a number") from None
     temperature = columns.pop("temperature") + ZERO_CELSIUS
     return PhaseTable(MappingProxyType(header), temperature, MappingProxyType(columns))
 
@@ -239,18 +243,18 @@ class TableCurve:
     """A column of a table of phases as a property of the steel."""
 
     table: PhaseTable
-    name: str  #: of the column
+    name: str  #: name of the column
     curved: bool = True
     span: tuple[float, float] = (0.0, np.inf)
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Those of the phases."""
+        """Kinks of the phases."""
         return self.table.kinks
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        """Those of the phases."""
+        """Jumps of the phases."""
         return self.table.reactions
 
     def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:

@@ -1,6 +1,6 @@
-"""Numbers of a material that no metal has, and heat that stands in its file twice.
+"""Checks of material data: values that no metal has, and heat counted twice.
 
-The ranges are wide: they find a wrong unit or a misread number, not a doubtful measurement.
+The ranges are wide: they detect wrong units and misread numbers, not doubtful measurements.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from castfem.physics.materials.properties import ByFormula
 from castfem.physics.materials.schema import KINDS, ExpansionEntry, MaterialFile, Problem
 from castfem.physics.materials.steel import Steel
 
-COLDEST, HOTTEST = 293.15, 1973.15  # K: where formulas must give sensible values
-MARGIN = 50.0  # K beyond solidus and liquidus: a peak may be wider than they say
+COLDEST, HOTTEST = 293.15, 1973.15  # K: range in which formulas must give plausible values
+MARGIN = 50.0  # K beyond solidus and liquidus, since a peak may be wider
 
 
 def implausible(steel: Steel, given: MaterialFile) -> Iterator[Problem]:
-    """Yield what is wrong with a steel whose file is sound in form.
+    """Yield the errors of a steel whose file is valid in form.
 
     Args:
         steel: The steel.
-        given: What it was made of.
+        given: Its material file.
     """
     for key in KINDS:
         if given.entry(key) is not None and ranges.of(f"steel.{key}") is not None:
@@ -40,7 +40,7 @@ def implausible(steel: Steel, given: MaterialFile) -> Iterator[Problem]:
 
 
 def _out_of_range(steel: Steel, given: MaterialFile, key: str) -> Iterator[Problem]:
-    """Yield the first value of a property that is beyond its range."""
+    """Yield the first value of a property outside its range."""
     entry = given.entry(key)
     assert entry is not None
     differential = isinstance(entry, ExpansionEntry) and entry.coefficient == "differential"
@@ -60,7 +60,7 @@ def _out_of_range(steel: Steel, given: MaterialFile, key: str) -> Iterator[Probl
 
 
 def unusual(steel: Steel) -> Iterator[Problem]:
-    """Yield what a steel has that was probably not meant, once for each property."""
+    """Yield warnings about a steel, one per property."""
     for key in KINDS:
         differential = isinstance(steel.expansion, DifferentialExpansion)
         bounds = ranges.of(f"steel.{key}")
@@ -75,14 +75,14 @@ def unusual(steel: Steel) -> Iterator[Problem]:
 
 
 def _freezes(steel: Steel, key: str, at: float | None) -> bool:
-    """Whether a property is a heat at a temperature at which some of it may be that of freezing."""
+    """Whether a property at a temperature may include heat of freezing."""
     return key == "specific_heat" and at is not None and _is_near(steel, at)
 
 
 def _values(steel: Steel, key: str) -> list[tuple[float | None, float]]:
-    """The numbers of a property with their temperatures in K; of a constant without.
+    """The numbers of a property with their temperatures in K; None for a constant.
 
-    Of a formula they are those over the temperatures of castings.
+    For a formula they are evaluated over the temperatures of castings.
     """
     if key in ("solidus", "liquidus", "latent_heat"):
         return [(None, float(getattr(steel, key)))]
@@ -100,12 +100,12 @@ def _values(steel: Steel, key: str) -> list[tuple[float | None, float]]:
 
 
 def _is_near(steel: Steel, temperature: float) -> bool:
-    """Whether steel freezes at a temperature, or nearly."""
+    """Whether a temperature is in or near the freezing range."""
     return steel.solidus - MARGIN <= temperature <= steel.liquidus + MARGIN
 
 
 def _slope_out_of_range(steel: Steel) -> Iterator[Problem]:
-    """Yield the first piece of a table of enthalpies with a heat capacity beyond the range."""
+    """Yield the first piece of a table of enthalpies with a heat capacity outside the range."""
     law = steel.properties.get("enthalpy")
     if not isinstance(law, EnthalpyTable):
         return
@@ -125,7 +125,7 @@ def _slope_out_of_range(steel: Steel) -> Iterator[Problem]:
 
 
 def _counted_twice(steel: Steel) -> Iterator[Problem]:
-    """Yield the heat of freezing where both the specific heat and the latent heat have it."""
+    """Yield an error if both the specific heat and the latent heat contain the heat of freezing."""
     law = steel.properties["specific_heat"]
     if not isinstance(law, Table) or not steel.latent_heat or steel.has("enthalpy"):
         return
@@ -133,10 +133,10 @@ def _counted_twice(steel: Steel) -> Iterator[Problem]:
     inside = [t for t in law.arguments if low < t < high]
     t = np.concatenate([np.linspace(a, b, 33) for a, b in itertools.pairwise([low, *inside, high])])
     values = law(t)
-    usual = 1.3 * min(values[0], values[-1])  # those of solid and liquid differ by less
+    usual = 1.3 * min(values[0], values[-1])  # solid and liquid differ by less
     more = np.maximum(values - usual, 0.0)
     held = float(np.trapezoid(more, t))
-    if held <= 0.2 * steel.latent_heat:  # so much is no rounding
+    if held <= 0.2 * steel.latent_heat:  # more than rounding
         return
     where = t[more > 0.0] - ZERO_CELSIUS
     yield Problem(

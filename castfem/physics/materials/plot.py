@@ -1,4 +1,4 @@
-"""Pictures of a steel: phases, heat, conductivity, density, contraction."""
+"""Draws the properties of a steel: phases, heat, conductivity, density, contraction."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from castfem.physics.materials.steel import Steel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLD, HOT = 700.0 + ZERO_CELSIUS, 1600.0 + ZERO_CELSIUS  # K, wide panels
+COLD, HOT = 700.0 + ZERO_CELSIUS, 1600.0 + ZERO_CELSIUS  # K, range of the wide panels
 LIQUID, DELTA, GAMMA, SOLID = "#c1272d", "#0072b2", "#2e8b57", "#333333"
 
 
 @own_style()
 def plot_steel(steel: Steel, path: str | os.PathLike[str], beside: Steel | None = None) -> Path:
-    """Draw the properties of a steel over temperature into one picture.
+    """Draw the properties of a steel over temperature in one picture.
 
     Panels: fractions of the phases (thesis Figs 23-25) or the solid fraction; carbon in each phase;
     effective specific heat and enthalpy (Fig. 29); conductivity and density; mean coefficient of
-    thermal linear expansion (Fig. 28).  Those without data are left out.  Of a steel by a database
-    all phases from the cold on, too.
+    thermal linear expansion (Fig. 28). Panels without data are left out. For a steel from a
+    database also all phases at lower temperatures.
 
     Args:
         steel: The steel.
-        path: File to write; its ending chooses the format (png, svg, pdf).
-        beside: The steel without its database, whose solid fraction and heat are drawn, too.
+        path: Output file; its ending selects the format (png, svg, pdf).
+        beside: The steel without its database, for comparison of solid fraction and heat.
 
     Returns:
         The path written.
@@ -80,7 +80,7 @@ def _title(steel: Steel) -> str:
 
 
 def _legend(axis: Axes, columns: int = 3, extra: Axes | None = None) -> None:
-    """Put the legend above the axes, where no curve can be."""
+    """Put the legend above the axes, where there is no curve."""
     handles, labels = axis.get_legend_handles_labels()
     if extra is not None:
         more = extra.get_legend_handles_labels()
@@ -92,7 +92,7 @@ def _legend(axis: Axes, columns: int = 3, extra: Axes | None = None) -> None:
 
 
 def _sides(lower: float, upper: float, breaks: Array) -> tuple[Array, list[Side]]:
-    """Temperatures from `lower` to `upper` in pairs at each break: its colder, then hotter side."""
+    """Temperatures from `lower` to `upper`, split at each break into its colder and hotter side."""
     inside = [t for t in breaks if lower < t < upper]
     t = np.concatenate([np.linspace(lower, upper, 700), inside, inside])
     hotter = np.concatenate([np.ones(700 + len(inside)), np.zeros(len(inside))])
@@ -182,7 +182,7 @@ def _carbon(axis: Axes, steel: Steel) -> None:
 def _effective_heat(axis: Axes, steel: Steel) -> None:
     lower, upper = steel.solidus - 120.0, steel.liquidus + 80.0
     breaks = steel.breakpoints(lower, upper)
-    # In short stretches, so that a curved latent heat is drawn smoothly.
+    # In short pieces, so that a curved latent heat is drawn smoothly.
     edges = np.unique(np.concatenate([[lower], breaks, [upper], np.linspace(lower, upper, 60)]))
     along: list[float] = []
     effective: list[float] = []
@@ -209,7 +209,7 @@ def _effective_heat(axis: Axes, steel: Steel) -> None:
 
 
 def _heat_content(steel: Steel, lower: float, upper: float) -> tuple[Array, Array]:
-    """Temperatures, degC, twice at jumps, and the heat taken up since the first, J/m3."""
+    """Temperatures, degC, repeated at jumps, and the heat since the first, J/m3."""
     t, left, right, latent, jump = steel.enthalpy_knots(lower, upper)
     gain = (0.5 * (left + right) + latent) * np.diff(t)
     total = np.concatenate([[0.0], np.cumsum(gain)]) + np.cumsum(jump) - jump
@@ -256,7 +256,7 @@ def _conductivity(axis: Axes, steel: Steel) -> None:
     other = axis.twinx()
     other.plot(*_curve(steel.density, COLD, HOT, breaks), color=DELTA, ls="--", label="density")
     other.set_ylabel("density [kg/m³]")
-    # The conductivity a little higher than the density, so that two constants do not coincide.
+    # The conductivity slightly above the density, so that two constants do not coincide.
     for one, down, up in ((axis, 0.75, 0.55), (other, 0.55, 0.75)):
         low, high = one.get_ylim()
         middle, span = 0.5 * (low + high), max(high - low, 0.1 * abs(high + low))

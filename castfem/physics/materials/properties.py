@@ -1,7 +1,7 @@
 """A property of steel as a function of temperature: constant, table, or named formula.
 
 Every property is called with temperatures in K (any shape) and returns SI values of that shape.
-Where a property jumps, `side` picks the hotter ("above") or the colder ("below") value.
+Where a property jumps, `side` selects the hotter ("above") or the colder ("below") value.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from castfem.physics.materials.iron_carbon import Diagram, Side
 
 
 class Property(Protocol):
-    """What the rest of castfem knows of a property."""
+    """Interface of a property."""
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Temperatures where the slope or the value jumps, K, increasing."""
+        """Temperatures at which the slope or the value jumps, K, increasing."""
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        """Those of the kinks where the value itself jumps."""
+        """Kinks at which the value itself jumps."""
 
     @property
     def curved(self) -> bool:
@@ -35,7 +35,7 @@ class Property(Protocol):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Temperatures between which it is defined, K."""
+        """Temperature range of its definition, K."""
 
     def __call__(self, temperature: npt.ArrayLike, /, side: Side = "above") -> Array:
         """Values at `temperature`."""
@@ -45,9 +45,9 @@ class Property(Protocol):
 class ByFormula:
     """A named formula with its parameters, by phase if it needs the iron-carbon diagram."""
 
-    formula: Formula  #: from `castfem.physics.materials.formulas.FORMULAS`
+    formula: Formula  #: formula from `castfem.physics.materials.formulas.FORMULAS`
     parameters: Mapping[str, float]  #: values of all its parameters, SI
-    #: iron-carbon diagram of the steel, for a formula that goes by phase
+    #: iron-carbon diagram of the steel, for a formula by phase
     diagram: Diagram | None = None
 
     def __post_init__(self) -> None:
@@ -63,17 +63,17 @@ class ByFormula:
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        """Isothermal reactions of the steel, if the formula goes by phase."""
+        """Isothermal reactions of the steel, for a formula by phase."""
         return self.diagram.reactions if self.formula.by_phase and self.diagram else ()
 
     @property
     def curved(self) -> bool:
-        """Formulas are taken as curved."""
+        """Formulas always count as curved."""
         return True
 
     @property
     def span(self) -> tuple[float, float]:
-        """Formulas are continued to all temperatures; their own range stands in their source."""
+        """Formulas are extrapolated to all temperatures; their source states their range."""
         return 0.0, np.inf
 
     def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
@@ -85,7 +85,7 @@ class ByFormula:
 
 
 def named(name: str, diagram: Diagram | None = None, **parameters: float) -> ByFormula:
-    """Return the property by the formula `name`, with defaults for parameters left out."""
+    """Return the property from the formula `name`, with defaults for parameters left out."""
     formula = FORMULAS[name]
     defaults = {key: p.default for key, p in formula.parameters.items()}
     return ByFormula(formula, {**defaults, **parameters}, diagram)

@@ -1,6 +1,6 @@
-"""What may stand in a material file: its keys, and the kinds of quantity they hold.
+"""Structure of a material file: its keys and the quantities they hold.
 
-This is the structure only; `castfem.physics.materials.build` makes the steel of it.
+`castfem.physics.materials.build` makes the steel from it.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ KINDS: Mapping[str, Kind] = {
     "youngs_modulus": Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="40 GPa"),
     "poisson_ratio": Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"),
 }
-# What decides on the kind of an entry: an override with one of these replaces the whole entry.
+# Keys that determine the form of an entry: an override with one of these replaces the whole entry.
 FORMS = ("value", "temperature", "file", "formula")
 
 
 class Entry(BaseModel):
-    """One property: `value` alone (constant), a table, or a `formula`; and where it comes from.
+    """One property: a constant `value`, a table, or a `formula`; with its source.
 
     A plain text, `density = "7400 kg/m^3"`, is short for `value`.
     """
@@ -65,7 +65,7 @@ class Entry(BaseModel):
 
     @property
     def forms(self) -> tuple[str, ...]:
-        """Which of constant, table, file and formula it is; sound entries are one of them."""
+        """Forms of the entry (constant, table, file, formula); a valid one has exactly one."""
         table = self.temperature is not None
         return tuple(
             form
@@ -111,7 +111,7 @@ class MaterialFile(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something wrong with a material: keys down to it, and what is wrong."""
+    """A problem of a material file: its path of keys, and a text."""
 
     path: Keys
     text: str
@@ -121,7 +121,7 @@ def read(data: Mapping[str, Any]) -> tuple[MaterialFile, list[Problem]]:
     """Check the structure of a material file.
 
     Returns:
-        The file without what was wrong with it, and one problem for each thing that was.
+        The file without its faulty parts, and one problem for each of them.
     """
     sound: dict[str, Any] = copy.deepcopy(dict(data))
     problems: list[Problem] = []
@@ -143,7 +143,7 @@ _PLAIN = {
 
 
 def _text(details: Any, path: Keys) -> str:
-    """Say what is wrong, what is allowed, and what may have been meant."""
+    """Return the fault, what is allowed, and what may have been meant."""
     value = f" ({shown(details['input'])})"
     kind, name = details["type"], str(path[-1])
     if kind == "extra_forbidden":
@@ -168,7 +168,7 @@ def type_of(key: str) -> type[Entry]:
 
 
 def _drop(data: Any, path: Keys) -> None:
-    """Take the key at `path` out of nested tables and lists; a missing one is passed over."""
+    """Remove the key at `path` from nested tables and lists; a missing one is ignored."""
     *above, last = path
     for part in above:
         known = isinstance(data, Mapping) and part in data

@@ -1,7 +1,7 @@
 """Solid fraction as a function of temperature: linear (12), a table, or the lever rule.
 
-Each law is a `Property` (see `castfem.physics.materials.properties`) that also knows its solidus
-and liquidus.  Below the solidus it is 1, above the liquidus 0.
+Each law is a `Property` (see `castfem.physics.materials.properties`) with a solidus and a liquidus.
+Below the solidus it is 1, above the liquidus 0.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -19,30 +19,31 @@ from castfem.base.types import Array
 from castfem.physics.materials.iron_carbon import Diagram, Side
 from castfem.physics.materials.properties import Property
 
-NARROWEST = 1e-6  # K: of a freezing range, and between two rows of a table; `knots` merges less
+# K: smallest freezing range, and distance of two rows of a table; `knots` merges less
+NARROWEST = 1e-6
 
 
 class SolidFraction(Property, Protocol):
-    """A property between 1 at the solidus and 0 at the liquidus."""
+    """A property that falls from 1 at the solidus to 0 at the liquidus."""
 
     @property
     def solidus(self) -> float:
-        """K."""
+        """Solidus, K."""
 
     @property
     def liquidus(self) -> float:
-        """K."""
+        """Liquidus, K."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinearFraction:
     """Solid fraction linear from solidus to liquidus (12); a step where they coincide.
 
-    They do where they are less than `NARROWEST` apart: it freezes at the liquidus then.
+    They coincide if they differ by less than `NARROWEST`: it then freezes at the liquidus.
     """
 
-    solidus: float  #: K
-    liquidus: float  #: K, not below the solidus
+    solidus: float  #: solidus, K
+    liquidus: float  #: liquidus, K, not below the solidus
     curved: bool = False
     span: tuple[float, float] = (0.0, np.inf)
 
@@ -76,7 +77,7 @@ class TableFraction:
     """Solid fraction from a table that falls from 1 at the solidus to 0 at the liquidus.
 
     Raises:
-        ValueError: If the table is not of this kind.
+        ValueError: The values do not fall from 1 to 0.
     """
 
     #: over temperature from the solidus to the liquidus: 1 first and 0 last, never rising
@@ -118,7 +119,7 @@ class TableFraction:
 
 @dataclass(frozen=True, slots=True)
 class LeverFraction:
-    """Solid fraction of the iron-carbon equilibrium, peritectic jump included."""
+    """Solid fraction from the iron-carbon equilibrium, including the peritectic jump."""
 
     diagram: Diagram  #: iron-carbon diagram of the steel
     curved: bool = True
@@ -136,12 +137,12 @@ class LeverFraction:
 
     @property
     def solidus(self) -> float:
-        """K."""
+        """Solidus, K."""
         return self.diagram.solidus
 
     @property
     def liquidus(self) -> float:
-        """K."""
+        """Liquidus, K."""
         return self.diagram.liquidus
 
     def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:

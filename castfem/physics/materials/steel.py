@@ -1,7 +1,7 @@
-"""A steel: its characteristic temperatures and its properties as vectorised functions of T, in SI.
+"""A steel: characteristic temperatures, and properties as vectorised functions of T, in SI.
 
-A property that the set does not give (no emissivity, say) raises InputError when it is asked for,
-so that a set needs only what the simulations made with it need.
+A property that the set does not give (such as emissivity) raises InputError on use, so that a set
+only needs the properties that its simulations need.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -29,9 +29,9 @@ from castfem.physics.materials.solid_fraction import SolidFraction
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a number comes from."""
+    """Origin of a number."""
 
-    law: str  #: the property in words: its value, "table", or the name of its formula
+    law: str  #: form of the property: its value, "table", or the name of its formula
     source: str  #: reference
     status: str  #: F read in the source, M from memory of it, C computed, U the user's own
 
@@ -40,29 +40,29 @@ class Origin:
 class Steel:
     """One steel; made by `castfem.physics.materials.load_steel`.
 
-    Temperatures are in K, of any shape; results have the same shape.  At a temperature where a
-    property jumps (isothermal freezing, peritectic) `side` picks the hotter ("above") or the colder
-    ("below") state; "above" by default.
+    Temperatures are in K, of any shape; results have the same shape. Where a property jumps
+    (isothermal freezing, peritectic) `side` selects the hotter ("above") or the colder ("below")
+    state; "above" by default.
     """
 
     name: str  #: name of the set, or of its file
-    description: str  #: what it is, one sentence
-    solidus: float  #: K
-    liquidus: float  #: K
-    #: heat of solidification, J/kg; for a steel defined by its enthalpy, what that releases from
+    description: str  #: description, one sentence
+    solidus: float  #: solidus, K
+    liquidus: float  #: liquidus, K
+    #: heat of solidification, J/kg; for a steel defined by its enthalpy, the heat released from
     #: liquidus to solidus beyond the specific heat
     latent_heat: float
-    #: density, specific_heat, conductivity, and perhaps enthalpy, emissivity, youngs_modulus,
+    #: density, specific_heat, conductivity, and optionally enthalpy, emissivity, youngs_modulus,
     #: poisson_ratio
     properties: Mapping[str, Property]
     fraction: SolidFraction  #: law of the solid fraction
-    expansion: Expansion | None = None  #: law of the thermal contraction, if there is one
+    expansion: Expansion | None = None  #: law of the thermal contraction; None if there is none
     #: wt% by element; empty if not stated
     composition: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    diagram: Diagram | None = None  #: iron-carbon diagram, if a composition is stated
+    diagram: Diagram | None = None  #: iron-carbon diagram; None without a composition
     #: source and status by property
     origins: Mapping[str, Origin] = field(default_factory=lambda: MappingProxyType({}))
-    #: elements that were stated, but of whose effect nothing is known here
+    #: elements that were stated, but have no known effect
     left_out: tuple[str, ...] = ()
 
     def has(self, key: str) -> bool:
@@ -112,8 +112,8 @@ class Steel:
     def solid_fraction(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
         """Solid fraction, 1 below the solidus and 0 above the liquidus.
 
-        Where freezing is isothermal, steel that is at its melting point but for the rounding of an
-        interpolation has not frozen yet.
+        With isothermal freezing, steel at its melting point within rounding of an interpolation
+        counts as liquid.
         """
         if side == "above" and self.solidus == self.liquidus:
             temperature = np.asarray(temperature, float) + 1e-8
@@ -121,7 +121,7 @@ class Steel:
 
     @property
     def liquid_density(self) -> float:
-        """Density of what presses on the shell, liquid a little above the liquidus, kg/m3."""
+        """Density of the liquid slightly above the liquidus, for its pressure, kg/m3."""
         return float(self.density(self.liquidus + 1.0))
 
     def thermal_strain(self, temperature: npt.ArrayLike) -> Array:
@@ -133,9 +133,9 @@ class Steel:
         return np.where(t < self.solidus, self.expansion.strain(solid, self.solidus), 0.0)
 
     def transformation_strain(self, temperature: npt.ArrayLike) -> Array:
-        """Part of `thermal_strain` by the change from delta ferrite to austenite.
+        """Part of `thermal_strain` from the transformation of delta ferrite to austenite.
 
-        It is 0 above the solidus, and for a contraction that does not go by phase.
+        It is 0 above the solidus, and for a contraction that does not depend on the phases.
         """
         total = self.thermal_strain(temperature)
         assert self.expansion is not None
@@ -146,15 +146,15 @@ class Steel:
     def thermal_expansion(self, temperature: npt.ArrayLike) -> Array:
         """Mean coefficient of thermal linear expansion since the solidus, 1/K.
 
-        It is 0 in mushy zone and liquid.  Nearer to the solidus than 1 mK it is the value there,
-        where strain over temperature would be 0 over 0.
+        It is 0 in mushy zone and liquid. Within 1 mK of the solidus it is the limit there, to avoid
+        0 over 0.
         """
         t = np.asarray(temperature, float)
         solid = np.minimum(t, self.solidus - 1e-3)
         return np.where(t < self.solidus, self.thermal_strain(solid) / (solid - self.solidus), 0.0)
 
     def breakpoints(self, lower: float, upper: float) -> Array:
-        """Temperatures in [lower, upper] where a property has a kink or a jump, increasing."""
+        """Temperatures in [lower, upper] at which a property has a kink or a jump, increasing."""
         laws = (*self.properties.values(), self.fraction)
         kinks = [t for law in laws for t in law.kinks]
         kinks += [self.solidus, self.liquidus]
@@ -167,7 +167,7 @@ class Steel:
         return tuple(t for law in laws for t in law.jumps)
 
     def _transformation(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
-        """Enthalpy whose change is given off beyond the specific heat, J/kg (simple sets)."""
+        """Enthalpy released beyond the specific heat, J/kg (simple sets)."""
         return self.latent_heat * (1.0 - self.fraction(temperature, side))
 
     def enthalpy_knots(
@@ -175,21 +175,20 @@ class Steel:
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Volumetric heat capacity in pieces, whose integral is the enthalpy density H (24).
 
-        Of a section that does not move, dH = rho(T) dh, with h the enthalpy per kilogram: rho
-        stands inside the integral.  With a varying density a cell then does not keep its mass: H is
-        the heat given off by the volume, each step with the mass that is in it then, and the mass
-        that shrinkage draws in brings no heat along.  By Harste's formulas the density of the solid
-        changes by 1 % in 150 K.
+        For a fixed section dH = rho(T) dh, with h the enthalpy per kilogram: rho is inside the
+        integral. With a variable density a cell then does not keep its mass: H is the heat released
+        by the volume, in each step with its present mass, and the mass drawn in by shrinkage brings
+        no heat. By Harste's formulas the density of the solid changes by 1 % in 150 K.
 
-        Of a section that moves with its steel, H = rho(T) (h(T) - h(poured)) per volume that the
-        steel had when it froze: liquid and mushy zone are fed with steel as it was poured, solid
-        keeps the mass it froze with, that is the density at the solidus.
+        For a section that moves with its steel, H = rho(T) (h(T) - h(poured)) per volume at
+        freezing: liquid and mushy zone are fed with steel as poured, solid keeps the mass at which
+        it froze, that is the density at the solidus.
 
         Args:
             lower: First temperature, K.
             upper: Last temperature, K.
             poured: Temperature of the steel at the meniscus, K, if the section moves with its
-                steel; None if it does not.
+                steel; otherwise None.
 
         Returns:
             T (n,), K; rho c at the left and the right end of each piece (n-1,), J/m3K; the part of
@@ -198,14 +197,14 @@ class Steel:
             at each knot (n,), J/m3.  The enthalpy is exact at every knot.
 
         Raises:
-            InputError: If a table does not reach as far and is refused beyond its ends.
+            InputError: A table does not cover the range and is refused beyond its ends.
         """
         self._check_span(("density", "specific_heat", "enthalpy"), lower, upper)
         density, heat = self._law("density"), self._law("specific_heat")
         law = self.properties.get("enthalpy")
         curved = not isinstance(density, Constant) or heat.curved or self.fraction.curved
         if isinstance(density, Constant):
-            poured = None  # nothing tells the two apart
+            poured = None  # no difference between the two
         breaks = self._thermal_breakpoints(lower, upper)
         if poured is not None:
             breaks = knots.merged([poured], list(breaks), lower, upper)
@@ -229,12 +228,12 @@ class Steel:
     def _of_mass(
         self, t: Array, rho: Array, h: Array, heat: Array, poured: float
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """As `enthalpy_knots`, of steel that keeps its mass once it is solid.
+        """Like `enthalpy_knots`, for steel that keeps its mass once it is solid.
 
         Args:
             t: Knots (n,), K.
             rho: Density at the points of the pieces (n-1, k), kg/m3.
-            h: Enthalpy per mass there; in its own datum on each piece, J/kg.
+            h: Enthalpy per mass there, with its own datum on each piece, J/kg.
             heat: Specific heat there, J/(kg K).
             poured: See `enthalpy_knots`, K.
         """
@@ -255,7 +254,7 @@ class Steel:
         return t, left, right, constant, np.maximum(absorbed, 0.0)
 
     def _refuse_falling(self, t: Array, on_pieces: Array, at_knots: Array, scale: float) -> None:
-        """Refuse heat (J/m3) that warmer steel would not hold, but for rounding."""
+        """Refuse heat content (J/m3) that decreases with temperature, except for rounding."""
         least = -1e-9 * scale
         if on_pieces.min() >= least and at_knots.min() >= least:
             return
@@ -263,12 +262,12 @@ class Steel:
         first, last = (knot, knot) if at_knots[knot] < on_pieces[piece] else (piece, piece + 1)
         raise InputError(
             f"{self.name}: density: it rises so much from {t[first] - ZERO_CELSIUS:.6g} to "
-            f"{t[last] - ZERO_CELSIUS:.6g} degC that what is warmer would hold less heat; "
-            "mend the density, or set coupling.follow_shape = false"
+            f"{t[last] - ZERO_CELSIUS:.6g} degC that warmer steel would contain less heat; "
+            "correct the density, or set coupling.follow_shape = false"
         )
 
     def _isothermal(self, t: Array) -> Array:
-        """Heat absorbed at each of the knots `t`, J/m3, by the mean of the two densities there."""
+        """Heat absorbed at each of the knots `t`, J/m3, with the mean of both densities there."""
         law = self.properties.get("enthalpy", self._transformation)
         rho = 0.5 * (self.density(t, "above") + self.density(t, "below"))
         return np.where(np.isin(t, self._jumps()), rho * (law(t, "above") - law(t, "below")), 0.0)
@@ -277,7 +276,7 @@ class Steel:
         """Conductivity in linear pieces: T (n,), K, and k at both ends of each (n-1,), W/mK.
 
         Raises:
-            InputError: As `enthalpy_knots`.
+            InputError: As for `enthalpy_knots`.
         """
         self._check_span(("conductivity",), lower, upper)
         law = self._law("conductivity")
@@ -289,8 +288,8 @@ class Steel:
     ) -> ThermalCurve:
         """Enthalpy, temperature and conduction as functions of each other, `lower` to `upper`.
 
-        The temperature `datum` (K) is where the enthalpy counts as zero, see `ThermalCurve`;
-        `poured` is that of `enthalpy_knots`.
+        The enthalpy is zero at the temperature `datum` (K), see `ThermalCurve`; `poured` as for
+        `enthalpy_knots`.
         """
         capacity = self.enthalpy_knots(lower, upper, poured)
         return ThermalCurve(capacity, self.conductivity_knots(lower, upper), datum)
@@ -321,7 +320,7 @@ class Steel:
 
 
 def _integrated(values: Array, width: Array) -> Array:
-    """Integral of values at the points of pieces (n-1, k) from the start of each, at its end."""
+    """Integral of values at the points of pieces (n-1, k) over each piece, from start to end."""
     found = np.zeros_like(values)
     found[:, -1] = values @ knots.WEIGHTS * width
     return found

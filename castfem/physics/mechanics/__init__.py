@@ -1,7 +1,7 @@
 """Mechanics of the slice: generalized plane strain, state at quadrature points, SNES.
 
-A `Slice` says what a slice is made of, how it is held and what acts on it; a `MechanicalProblem` is
-its equilibrium at the end of a step, a `MechanicalStepper` takes it from one state to the next.
+A `Slice` defines material, supports and loads of a slice; a `MechanicalProblem` is its equilibrium
+at the end of a step; a `MechanicalStepper` takes it from one state to the next.
 """
 
 from __future__ import annotations

@@ -22,17 +22,18 @@ if TYPE_CHECKING:
 
 
 def same_curvature(one: float, other: float) -> bool:
-    """Whether two curvatures, 1/m, differ by rounding alone."""
+    """Whether two curvatures, 1/m, differ only by rounding."""
     return abs(one - other) <= 1e-9 * max(abs(one), abs(other))
 
 
 @dataclass(frozen=True)
 class ImposedAxis:
-    """Where the thickness of the slice stays as it is, from one instant to the next (42)."""
+    """Position at which the thickness of the slice stays constant in each time interval (42)."""
 
-    times: tuple[float, ...]  #: from which on each place holds (n,), s; the first holds before, too
-    places: tuple[float, ...]  #: y1 (n,), m
-    thicknesses: tuple[float, ...]  #: of the slice there (n,)
+    #: start of each interval (n,), s; the first position also holds before
+    times: tuple[float, ...]
+    places: tuple[float, ...]  #: positions y1 (n,), m
+    thicknesses: tuple[float, ...]  #: thickness of the slice there (n,)
 
     @classmethod
     def alternating(
@@ -42,16 +43,16 @@ class ImposedAxis:
         bending: float,
         straightening: float,
     ) -> ImposedAxis:
-        """One place where the curvature grows, another where it decreases.
+        """Return one position for increasing curvature, another for decreasing.
 
-        Where it stays, the place stays. The slice goes on as thick as it is when the place changes,
-        and it is 1 thick at the first.
+        While the curvature is constant, the position is kept. At a change of position the slice
+        keeps the thickness that it has there; at the first position it is 1.
 
         Args:
-            curvature: k of the strand's middle over time, 1/m.
-            times: Between which it is monotonic, increasing, s.
-            bending: y1 where it grows, m.
-            straightening: y1 where it decreases, m.
+            curvature: Curvature k of the strand's middle over time, 1/m.
+            times: Increasing times between which it is monotonic, s.
+            bending: y1 while it increases, m.
+            straightening: y1 while it decreases, m.
         """
         found = [(times[0], bending, 1.0)]
         for start, end in itertools.pairwise(times):
@@ -77,46 +78,47 @@ class BentPlanes(Planes):
     """Planes that converge to the centre of curvature of the machine (39)-(44).
 
     y points from the extrados (outside) at y = -h/2 to the intrados; the machine's radius R is that
-    of the extrados.  With k = 1/(R - h/2), the curvature of the strand's middle,
+    of the extrados. With the curvature k = 1/(R - h/2) of the strand's middle,
 
         a2 = -a0 k                                                (41)
         a0 = 1/(1 - k y1),  a2 = -k/(1 - k y1)                    (43)-(44)
 
-    the first with a0 free, the second with the neutral axis imposed at y1.  The slice is free of
-    strain in the position of its first instant: a curved mould casts a curved strand.
+    the first with a0 free, the second with the neutral axis imposed at y1. The slice is free of
+    strain in its first position: a curved mould casts a curved strand.
 
-    The equation of a0: in a curved strand, t along it and q_t the force of friction per metre
+    The equation of a0: in a curved strand, with t along it and q_t the friction force per metre
     against the casting direction, equilibrium is N' = k M' + q_t and M' = Q, so that
 
         (N - k M)' = q_t - M k'
 
-    Rolls without friction conserve N - k M where the curvature stays, and where it changes the
-    drives below pay for the work of bending, -M k' >= 0 in a strand that flows.  The "tangential"
-    test direction [1, 0, -k] says so: N - k M = F - int M dk; along it the centre of curvature
-    stays where it is.  The integral is taken by the trapezoidal rule, its share of the step
-    itself implicitly: with k at mid-step in the test direction.  The "axial" one, [1, 0, 0], is the
-    first of (38) as it stands, N = F.
+    Rolls without friction conserve N - k M where the curvature is constant; where it changes the
+    drives below supply the work of bending, -M k' >= 0 in a strand that flows. This follows with
+    the "tangential" test direction [1, 0, -k]: N - k M = F - int M dk; along it the centre of
+    curvature is fixed. The integral is taken by the trapezoidal rule, implicitly in the step
+    itself, with k at mid-step in the test direction. The "axial" test direction, [1, 0, 0], is the
+    first equation of (38), N = F.
     """
 
     #: 1/R over time, 1/m; linear between the rolls (`castfem.physics.machine`)
     curvature: TimeHistory
     half_thickness: float  #: h/2, m
-    #: y1, m, where the slice stays 1 thick, or where it stays as thick as it is, from one instant
-    #: to the next; None to let equilibrium find it
+    #: y1, m, where the slice stays 1 thick, or where it keeps its thickness in each time interval;
+    #: None for a free axis, found by equilibrium
     neutral_axis: float | ImposedAxis | None = None
     force: TimeHistory = zero  #: external axial force F over time, N
-    #: test direction, so what F balances: N - k M, "tangential", or N, "axial"
+    #: test direction, which determines what F balances: N - k M, "tangential", or N, "axial"
     test_direction: Literal["tangential", "axial"] = "tangential"
-    #: F has the work of bending in it, as a measured effort has: it is not taken off once more
+    #: whether F contains the work of bending, like a measured force: it is then not subtracted
+    #: again
     contains_work: bool = False
-    #: of rolls and drives, of the whole strand, which F comes on top of; None without
+    #: axial force of rolls and drives on the whole strand, in addition to F; None without
     effort: Effort | None = None
-    position: TimeHistory = zero  #: of the slice over time, m
-    parts: int = 1  #: how many times the modelled part makes up the strand
+    position: TimeHistory = zero  #: position of the slice over time, m
+    parts: int = 1  #: number of modelled parts in the strand
 
     @property
     def steady(self) -> bool:
-        """See `Planes`: the strand is bent as it goes."""
+        """See `Planes`: the strand is bent on its way."""
         return False
 
     @property
@@ -170,7 +172,8 @@ class BentPlanes(Planes):
         k = self.middle(time)
         if self.test_direction == "axial" or self.contains_work:
             return self._test(k), load
-        # N - k M = F - W - dk (M_old + M) / 2, with the unknown M on the left: dk / 2 off its k.
+        # N - k M = F - W - dk (M_old + M) / 2, with the unknown M on the left: dk / 2 subtracted
+        # from k.
         change = k - past.curvature
         taken = past.work + 0.5 * change * past.moment
         return self._test(k - 0.5 * change), load - [taken, 0.0, 0.0, 0.0]
@@ -193,7 +196,7 @@ class BentPlanes(Planes):
     def _withdrawn(
         self, past: Bending, step: StepTaken, moment: float, work: float
     ) -> Withdrawal | None:
-        """What rolls and drives have done after a step."""
+        """Forces of rolls and drives after a step."""
         if self.effort is None or past.withdrawal is None:
             return None
         from castfem.physics.machine.extraction.effort import Passing

@@ -1,4 +1,4 @@
-"""The mechanical state as arrays that do not depend on the number of ranks, and back."""
+"""Converts the mechanical state to arrays that do not depend on the number of ranks, and back."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from castfem.physics.mechanics.state import MechanicalState
 
 
 class MechanicalCheckpoint:
-    """Takes a `MechanicalState` apart for a checkpoint, and puts it together again.
+    """Converts a `MechanicalState` for a checkpoint, and back.
 
-    What belongs to points and to the nodes of the displacement is kept cell by cell, so that each
-    node is there as often as it has cells; temperatures are kept by node of the section.
+    Values at points and at nodes of the displacement are stored cell by cell, so that each node is
+    repeated in each of its cells; temperatures are stored by node of the section.
 
     Args:
-        problem: Whose states these are.
+        problem: Mechanical problem of the states (collective).
     """
 
     def __init__(self, problem: MechanicalProblem) -> None:
@@ -33,7 +33,7 @@ class MechanicalCheckpoint:
         self._nodes = np.asarray(problem.space.dofmap.list)[:cells]
 
     def arrays(self, state: MechanicalState) -> dict[str, Array | None]:
-        """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
+        """Arrays of `state`, complete on rank 0, None elsewhere (collective)."""
         deviator_points, cells = self.problem.points.deviator_points, len(self._cellwise.cells)
         rate = dof_values.with_ghosts(self.problem.space, state.rate)
         parts: dict[str, Array] = {
@@ -58,7 +58,7 @@ class MechanicalCheckpoint:
 
     @staticmethod
     def description(state: MechanicalState) -> dict[str, Any]:
-        """What of `state` is no array over the section."""
+        """Parts of `state` that are not arrays over the section."""
         bent = {} if state.bending == STRAIGHT else {"bending": _written(state.bending)}
         return bent | {
             "time": state.time,
@@ -69,7 +69,7 @@ class MechanicalCheckpoint:
         }
 
     def state(self, description: dict[str, Any], arrays: dict[str, Array]) -> MechanicalState:
-        """The state of `description` and `arrays`, both on every rank."""
+        """Restore the state from `description` and `arrays`, both on every rank."""
         cells = self._cellwise.cells
         displacement, rate = (
             self._by_node(arrays[name][cells]) for name in ("displacement", "displacement_rate")
@@ -92,22 +92,22 @@ class MechanicalCheckpoint:
         )
 
     def _by_node(self, of_cells: Array) -> Array:
-        """Values of this rank's nodes, ghosts included, from those of its cells' nodes."""
+        """Values of this rank's nodes, including ghosts, from those of its cells' nodes."""
         field = fem.Function(self.problem.space)
         field.x.array.reshape(-1, 2)[self._nodes] = of_cells
-        # A node this rank owns has a cell here; what ghost cells alone hold comes from its owner.
+        # Every node of this rank has a cell here; values of ghost cells come from their owners.
         field.x.scatter_forward()
         return np.array(field.x.array)
 
     def _by_point(self, name: str, arrays: dict[str, Array]) -> Array:
         cells = self._cellwise.cells
         rows = [arrays[f"{name}_{rule}"][cells] for rule in ("deviator", "mean")]
-        # Of a law that remembers nothing there are no columns, from which -1 could be told.
+        # For a law without state variables there are no columns to derive -1 from.
         return np.concatenate([p.reshape(p.shape[0] * p.shape[1], p.shape[2]) for p in rows])
 
 
 def _written(bending: Bending) -> dict[str, Any]:
-    """The bending as a checkpoint has it."""
+    """The bending variables for a checkpoint."""
     found = asdict(bending)
     if bending.withdrawal is None:
         del found["withdrawal"]
@@ -115,7 +115,7 @@ def _written(bending: Bending) -> dict[str, Any]:
 
 
 def _restored(entries: dict[str, Any]) -> Bending:
-    """The bending of a checkpoint."""
+    """Restore the bending from a checkpoint."""
     if "withdrawal" not in entries:
         return Bending(**entries)
     from castfem.physics.machine.extraction.effort import Withdrawal

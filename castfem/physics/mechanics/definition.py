@@ -1,4 +1,4 @@
-"""What a slice is made of, how it is held and what acts on it; the pressure of its liquid core.
+"""Definition of a slice: material, supports, loads, and the pressure of its liquid core.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -19,7 +19,7 @@ from castfem.physics.mechanics.planes import PlainPlanes, Planes, TimeHistory
 from castfem.physics.mechanics.quadrature_rules import Integration
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
 
-# How much of the pressure is felt at a solid fraction: (219), and the two extremes of Fig. 63.
+# Effective pressure at a solid fraction: (219), and the two extremes of Fig. 63.
 SHARES: dict[str, Callable[[Array], Array]] = {
     "proportional": lambda solid: 1.0 - solid,
     "full": lambda solid: np.where(solid < 1.0, 1.0, 0.0),
@@ -29,24 +29,24 @@ SHARES: dict[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True, slots=True)
 class Ferrostatic:
-    """Pressure p = gamma D (1 - fs) (219) at each point, from its own temperature.
+    """Pressure p = gamma D (1 - fs) (219) at each point, from its temperature.
 
-    It acts as -p div v in the plane.  Between liquid cells and solid ones the nodal forces add up
-    to gamma D times the projected length of the front whatever the mesh does in between, since the
-    shape functions add up to one.
+    It acts as -p div v in the plane. Between liquid and solid cells the nodal forces add up to
+    gamma D times the projected length of the front for any mesh in between, since the shape
+    functions add up to one.
 
-    Where liquid reaches the surface, as it does below the meniscus before a shell has formed, there
-    is nothing in the slice that could hold it: its stand-in stiffness would, and the section
-    would swell by millimetres that freeze into the shell.  There the pressure is held from outside,
-    by the mould or whatever the liquid is in, and the slice feels the front alone.
+    Where liquid reaches the surface, as below the meniscus before a shell has formed, nothing in
+    the slice could support it except its artificial stiffness, and the section would swell by
+    millimetres that freeze into the shell. There the pressure is supported from outside, by the
+    mould, and only the pressure on the front acts on the slice.
     """
 
-    head: TimeHistory  #: gamma D over time, Pa
-    solid_fraction: Callable[[Array], Array]  #: over temperature, K
-    #: pressure there: "proportional" to the liquid (219), "full" until all is solid, or "none" as
-    #: soon as anything is (Fig. 63)
+    head: TimeHistory  #: pressure gamma D over time, Pa
+    solid_fraction: Callable[[Array], Array]  #: solid fraction over temperature, K
+    #: pressure in the mushy zone: "proportional" to the liquid (219), "full" until all is solid, or
+    #: "none" as soon as anything is (Fig. 63)
     mushy_zone: Literal["proportional", "full", "none"] = "proportional"
-    #: where the surface is liquid, the pressure is "held" there, or it is "free"
+    #: pressure where the surface is liquid: "held" from outside, or "free"
     outside: Literal["held", "free"] = "held"
 
     def __post_init__(self) -> None:
@@ -63,28 +63,29 @@ class Ferrostatic:
         return np.asarray(self.head(time) * self.share(temperature))
 
     def share(self, temperature: Array) -> Array:
-        """How much of the head is felt at temperatures (n,), K."""
+        """Fraction of the full pressure at temperatures (n,), K."""
         return SHARES[self.mushy_zone](np.asarray(self.solid_fraction(temperature)))
 
 
 @dataclass(frozen=True, slots=True)
 class Slice:
-    """What a slice is made of and how it is held."""
+    """Material, supports and loads of a slice."""
 
     law: Law  #: constitutive law
     #: linear thermal strain over temperature, K; 0 in mushy zone and liquid
     thermal_strain: Callable[[Array], Array]
     planes: Planes = field(default_factory=PlainPlanes)  #: motion of the bounding planes
-    #: prescribed displacements beside the lines of symmetry
+    #: prescribed displacements, besides the lines of symmetry
     held: tuple[PrescribedDisplacement, ...] = ()
     loads: tuple[Traction | SurfacePressure, ...] = ()  #: surface loads
     ferrostatic: Ferrostatic | None = None  #: pressure of the liquid; None for none
     large_strain: bool = False  #: objective update on the deformed slice
-    pin: bool = True  #: hold by points, or springs, the rigid motions that symmetry and held leave
-    integration: Integration | None = None  #: quadrature rules; the usual ones if None
-    #: what acts on its surface: a mould's wall, rolls
+    #: whether to fix, by points or springs, rigid body motions left by symmetry and `held`
+    pin: bool = True
+    integration: Integration | None = None  #: quadrature rules; None for the default
+    #: interactions with its surface: wall of the mould, rolls
     interactions: tuple[SurfaceInteraction, ...] = ()
-    #: "fed" from above, so that it carries its pressure alone; or "elastic", a body of its own
+    #: "fed" from above, so that it carries only its pressure; or an "elastic" body with its own
     #: stiffness
     liquid: Literal["fed", "elastic"] = "elastic"
 
@@ -93,6 +94,6 @@ class Slice:
         return 0.0 if self.ferrostatic is None else self.ferrostatic.head(time)
 
     def young_at_solidus(self) -> float:
-        """Young's modulus of what has just become coherent, Pa."""
+        """Young's modulus of steel that has just become coherent, Pa."""
         elasticity = self.law.elasticity
         return float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])

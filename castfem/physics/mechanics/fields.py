@@ -1,4 +1,4 @@
-"""What the forms see of material and motion: displacement, stress and tangent as functions."""
+"""Functions used in the mechanical forms: displacement, stress, pressure and tangent."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """What the forms see of material and motion."""
+    """Functions and constants used in the mechanical forms."""
 
-    u: fem.Function  #: displacement now, m
-    u_old: fem.Function  #: at the start of the step
-    generalized_strains: fem.Constant  #: now (4,), see `castfem.forms.mechanics`
+    u: fem.Function  #: present displacement, m
+    u_old: fem.Function  #: displacement at the start of the step
+    generalized_strains: fem.Constant  #: at present (4,), see `castfem.forms.mechanics`
     generalized_strains_old: fem.Constant  #: at the start of the step
     one: fem.Constant  #: a direction of the generalized strains (4,)
-    other: fem.Constant  #: a second one
+    other: fem.Constant  #: a second direction
     deviator: fem.Function  #: stress deviator, Mandel (4,), Pa
     tangent: fem.Function  #: deviatoric tangent (4, 4), Pa
     mean: fem.Function  #: mean stress, linear on each cell, Pa
-    pressure: fem.Function | None  #: ferrostatic pressure, likewise; None without one
+    #: ferrostatic pressure, linear on each cell, Pa; None without one
+    pressure: fem.Function | None
 
     def clear_stress(self) -> None:
-        """There is none anywhere."""
+        """Set the stress to zero everywhere."""
         for one in (self.deviator, self.mean, self.tangent):
             one.x.array[:] = 0.0
 
     def take_stress(self, points: ActivePoints, response: Response) -> tuple[Array, Array]:
-        """Split the stress of a response between the rules.
+        """Split the stress of a response between the two rules.
 
         Returns:
-            Deviators at the points of theirs (deviator_points, 4); mean stress, linear on each
-            cell, at those of its own.
+            Deviators at the points of their rule (deviator_points, 4); mean stress, linear on each
+            cell, at the points of its rule.
         """
         every = response.stress @ MEAN
         deviator = response.stress[: points.deviator_points] - np.outer(
@@ -54,14 +55,14 @@ class Fields:
         return deviator, mean
 
     def take_pressure(self, points: Points, pressure: Array) -> None:
-        """Take up the ferrostatic pressure at the points of the mean stress (n,), Pa."""
+        """Set the ferrostatic pressure at the points of the mean stress (n,), Pa."""
         if self.pressure is not None:
             points.mean.fill(self.pressure, points.linear(pressure))
 
     def take_tangent(self, points: ActivePoints, response: Response) -> Array:
-        """Split the tangent likewise: laws change volume elastically alone.
+        """Split the tangent likewise: volume changes in laws are only elastic.
 
-        Where a point flows, a trace of stiffness against change of shape stays: that of perfect
+        At flowing points a small stiffness against change of shape remains: that of perfect
         plasticity is zero along the flow, and rounding makes it negative.
 
         Returns:
@@ -81,7 +82,7 @@ class Fields:
     def on(
         cls, section: Section, space: fem.FunctionSpace, points: Points, pressure: bool
     ) -> Fields:
-        """Fields of zeros; a pressure only if asked for."""
+        """Return fields of zeros; a pressure only if requested."""
         vectors = [fem.Constant(section.mesh, np.zeros(4)) for _ in range(4)]
         at, mean = points.deviator, points.mean
         return cls(

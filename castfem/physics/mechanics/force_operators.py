@@ -1,11 +1,11 @@
-"""Forces of stress and pressure as sparse operators: many at once, at small strain.
+"""Sparse operators for the forces of stress and pressure, for many at once, at small strain.
 
 Where strain is linear in the displacement, the virtual work of `castfem.forms.mechanics` is linear
-in all it sees, and its forces are those of the transposed strain operator.  Projected on each cell
-is the strain here, the stress there: the projection is its own adjoint.
+in its arguments, and its forces follow from the transposed strain operator. Here the strain is
+projected on each cell, there the stress: the projection is self-adjoint.
 
-An axis of the arrays here counts what is asked about (k): the last one, of values at points of the
-law the first.
+One axis of the arrays counts the vectors (k): the last one, for values at points of the law the
+first.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from castfem.physics.mechanics.quadrature import ActivePoints
 
 
 class ForceOperators:
-    """Of the slice of a problem.
+    """Operators of the slice of a problem.
 
     Args:
-        problem: At small strain, without tractions and pressures of its own on the surface.
+        problem: Problem at small strain, without surface tractions and pressures of its own.
     """
 
     def __init__(self, problem: MechanicalProblem) -> None:
@@ -47,7 +47,7 @@ class ForceOperators:
             self._held = pressure, section.compile("mechanics.held_liquid", work)
 
     def _of_planes(self) -> sparse.csr_matrix:
-        """Strain of all points by the generalized strains (4 points, 4): zz, and yy across."""
+        """Strain of all points from the generalized strains (4 points, 4): zz, and yy across."""
         points = self._problem.points
         zz = np.column_stack([np.ones(points.count), points.position, np.zeros(points.count)])
         found = np.zeros((points.count, 4, 4))
@@ -55,14 +55,14 @@ class ForceOperators:
         return sparse.csr_matrix(found.reshape(-1, 4))
 
     def _follow(self) -> None:
-        """Take up the active points, which are seldom others than before."""
+        """Update the active points, which rarely change."""
         problem, active = self._problem, self._problem.active
         if active is self._active:
             return
         self._active = active
         rows = np.arange(problem.points.count)[active.rows]
         self._by_motion = self._strain[(4 * rows[:, None] + np.arange(4)).ravel()]
-        # A point of the deviator's rule works by the deviator, one of the other by the mean.
+        # Points of the deviator's rule contribute the deviator, those of the other the mean stress.
         mean = np.outer(ONE, MEAN)
         first = active.deviator_points
         shares = (active.volume[:first], np.eye(4) - mean), (active.volume[first:], mean)
@@ -71,10 +71,10 @@ class ForceOperators:
         self._work = (weighted @ self._by_motion).T.tocsr()
 
     def strains(self, motion: Array, generalized_strains: Array) -> Array:
-        """Strain at the active points by motions (dofs, k) and (4, k): (k, n, 4)."""
+        """Strain at the active points from motions (dofs, k) and (4, k): (k, n, 4)."""
         self._follow()
         every = np.concatenate([motion, generalized_strains]).T.copy()
-        # One after the other: many at once take longer, since rows of k numbers are short.
+        # One vector after the other: many at once take longer, since rows of k numbers are short.
         found = np.array([self._by_motion @ one for one in every])
         return found.reshape(len(every), -1, 4)
 
@@ -82,7 +82,8 @@ class ForceOperators:
         """Forces of stresses at the active points (k, n, 4), Pa (collective).
 
         Returns:
-            At this rank's nodes, ghosts included (dofs, k), N/m; work on each generalized strain
+            Forces at this rank's nodes, including ghosts (dofs, k), N/m; work on each generalized
+                strain
             (4, k).
         """
         self._follow()
@@ -90,7 +91,7 @@ class ForceOperators:
         return found[:-4], reductions.totals(self._problem.section.comm, found[-4:])
 
     def of_pressure(self, pressure: Array) -> tuple[Array, Array]:
-        """The same of ferrostatic pressure at all points of the mean stress (n, k), Pa."""
+        """The same for ferrostatic pressure at all points of the mean stress (n, k), Pa."""
         weighted = self._problem.points.mean.volume[:, None] * pressure
         work = np.zeros((4, pressure.shape[1]))
         work[3] = -weighted.sum(axis=0)
@@ -98,10 +99,10 @@ class ForceOperators:
         return -np.asarray(self._dilation.T @ weighted), reductions.totals(comm, work)
 
     def of_held_liquid(self, pressure: Array) -> Array:
-        """Forces (owned, k), N/m, of liquid held from outside, its pressure at the owned vertices.
+        """Forces (owned, k), N/m, of liquid supported from outside.
 
         Args:
-            pressure: (vertices, k), Pa (collective).
+            pressure: Pressure at the owned vertices (vertices, k), Pa (collective).
         """
         assert self._held is not None
         function, form = self._held

@@ -1,4 +1,4 @@
-"""All that acts on the surface of a slice, together."""
+"""All interactions with the surface of a slice."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Found = tuple[object, ...]
 
 
 class Interactions:
-    """The interactions of one slice, in the order in which it was told of them.
+    """The interactions of one slice, in the order of their definition.
 
     Args:
         each: The interactions.
@@ -41,16 +41,16 @@ class Interactions:
     def build(
         cls, section: Section, given: Sequence[SurfaceInteraction], solid: Solid, motion: Motion
     ) -> Interactions:
-        """Those of the settings given (collective).
+        """Build interactions from their settings (collective).
 
         Args:
             section: The distributed section.
             given: Settings of each.
-            solid: What the slice is made of.
+            solid: Material of the slice.
             motion: Displacement and generalized strains of the mechanical problem.
 
         Raises:
-            InputError: If a group does not exist.
+            InputError: A group does not exist.
         """
         return cls([one.build(section, solid, motion) for one in given])
 
@@ -62,20 +62,20 @@ class Interactions:
 
     @property
     def wall(self) -> WallContact | None:
-        """Contact with the mould, the gap of which heat crosses; None without one."""
+        """Contact with the mould, across whose gap heat flows; None without a mould."""
         return next((one for one in self._each if isinstance(one, WallContact)), None)
 
     def with_states(
         self, states: Sequence[InteractionState]
     ) -> Iterator[tuple[Interaction, InteractionState]]:
-        """Each with its state."""
+        """Yield each interaction with its state."""
         return zip(self._each, states, strict=True)
 
     def of_slice(self, given: Sequence[SurfaceInteraction], solid: Solid) -> Interactions:
-        """Those of another slice, see `DifferentiableInteraction.of_slice`.
+        """Make those of another slice, see `DifferentiableInteraction.of_slice`.
 
         Raises:
-            InputError: One of them has no derivatives; of a case that is said before, by its key.
+            InputError: One of them has no derivatives; for cases this is checked before, by key.
         """
         others = list[Interaction]()
         for one, its in zip(self._each, given, strict=True):
@@ -88,7 +88,7 @@ class Interactions:
         return Interactions(others)
 
     def always_held(self) -> tuple[Array, Array] | None:
-        """Places (n, 2), m, and directions (n, 2) along which they are held in every step."""
+        """Places (n, 2), m, and directions (n, 2) in which they are restrained in every step."""
         found = [one.always_held() for one in self._each]
         if not found:
             return None
@@ -96,7 +96,7 @@ class Interactions:
         return places, directions
 
     def initial(self) -> tuple[InteractionState, ...]:
-        """States of a strand on which nothing has acted."""
+        """Initial states, before anything has acted."""
         return tuple(one.initial() for one in self._each)
 
     def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
@@ -105,14 +105,14 @@ class Interactions:
             one.begin(state, old.time, time, old.temperature, temperature)
 
     def axial_strain(self, places: Array) -> Array | None:
-        """Axial strain (n,) that they add in this step at places (n, 2), m; None if none does."""
+        """Axial strain (n,) that they add in this step at places (n, 2), m; None for none."""
         found = [part for one in self._each if (part := one.axial_strain(places)) is not None]
         return sum(found[1:], found[0]) if found else None
 
     def front_strain(
         self, old: MechanicalState, new: MechanicalState, places: Array
     ) -> Array | None:
-        """Axial strain (n,) that they have brought to the front from a state to a later one.
+        """Axial strain (n,) added at the solidification front from a state to a later one.
 
         See `Interaction.front_strain`; None for none.
         """
@@ -125,11 +125,11 @@ class Interactions:
         return sum(parts[1:], parts[0]) if parts else None
 
     def refusal(self) -> str:
-        """Why the step that was begun cannot be taken; empty if it can (collective)."""
+        """Reason why the current step cannot be taken; "" if it can (collective)."""
         return next((reason for one in self._each if (reason := one.refusal())), "")
 
     def evaluate(self) -> float:
-        """Evaluate all at the displacement; return the rounding of stress, Pa (collective)."""
+        """Evaluate all interactions; return the stress caused by rounding, Pa (collective)."""
         return sum((one.evaluate() for one in self._each), start=0.0)
 
     def work_on(self, directions: Array) -> Array:
@@ -137,31 +137,31 @@ class Interactions:
         return sum((one.work_on(directions) for one in self._each), np.zeros(directions.shape[1]))
 
     def hold(self, on: bool) -> bool:
-        """Keep closed what was so, or let it open again; whether there is any (collective)."""
-        return any([one.hold(on) for one in self._each])  # all of them are told
+        """Keep contacts closed that were so, or let go; return if there are any (collective)."""
+        return any([one.hold(on) for one in self._each])  # must call all of them
 
     def evaluated(self) -> Found:
         """Results of the last evaluation, for `kink`."""
         return tuple(one.evaluated() for one in self._each)
 
     def kink(self, base: Found) -> float:
-        """Work of tractions since `base`, less what their tangents there predict (collective)."""
+        """Work of tractions since `base`, minus that predicted by their tangents (collective)."""
         parts = zip(self._each, base, strict=True)
         return sum((one.kink(before) for one, before in parts), start=0.0)
 
     def states(self) -> tuple[InteractionState, ...]:
-        """The states that were evaluated last (collective)."""
+        """The states of the last evaluation (collective)."""
         return tuple(one.state() for one in self._each)
 
     def arrays(self, states: Sequence[InteractionState]) -> dict[str, Array | None]:
-        """The states for a checkpoint, whole on rank 0, None elsewhere (collective)."""
+        """States for a checkpoint, complete on rank 0, None elsewhere (collective)."""
         found: dict[str, Array | None] = {}
         for prefix, (one, state) in zip(self._prefixes(), self.with_states(states), strict=True):
             found |= {prefix + name: values for name, values in one.arrays(state).items()}
         return found
 
     def restored(self, arrays: dict[str, Array]) -> tuple[InteractionState, ...]:
-        """The inverse of `arrays`, which every rank has (collective)."""
+        """Inverse of `arrays`, which are on every rank (collective)."""
         found = []
         for prefix, one in zip(self._prefixes(), self._each, strict=True):
             mine = {n.removeprefix(prefix): v for n, v in arrays.items() if n.startswith(prefix)}

@@ -1,6 +1,6 @@
-"""From displacement to strain at the points, and the forms that go with it: small and large strain.
+"""Strain at the points from the displacement, and the forms: small and large strain.
 
-Both kinds offer the same: `increments` for the law, and compiled forms for what the law answers.
+Both kinds have the same interface: `increments` for the law, and compiled forms for its response.
 """
 
 from __future__ import annotations
@@ -31,34 +31,34 @@ Other = TypeVar("Other")
 
 @dataclass(frozen=True, slots=True)
 class Parts(Generic[Part]):
-    """Forms on some cells; to stiffness, column, row and corner comes that of `VolumeStiffness`."""
+    """Forms on some cells; `VolumeStiffness` adds to stiffness, column, row and corner."""
 
     work: Part  #: forces in the plane (vector)
     stiffness: Part  #: their derivative (matrix)
-    generalized_work: Part  #: work of the stress on the direction `Fields.one` (scalar)
+    generalized_work: Part  #: work of the stress in the direction `Fields.one` (scalar)
     #: derivative of the forces along that direction (vector); None if no generalized strain is free
     column: Part | None
-    #: derivative of `generalized_work` by the displacement (vector); None if it is `column`
+    #: derivative of `generalized_work` by the displacement (vector); None if equal to `column`
     row: Part | None
     corner: Part | None  #: derivative of the work on `one` along `other` (scalar)
 
     def each(self, make: Callable[[str, Part], Other]) -> Parts[Other]:
-        """What is made of each that there is, by its name."""
+        """Apply `make` to each existing form, with its name."""
         parts = {one.name: getattr(self, one.name) for one in fields(self)}
         made: dict[str, Any] = {n: None if p is None else make(n, p) for n, p in parts.items()}
         return Parts(**made)
 
 
 Terms = Parts[ufl.Form]
-"""Forms before they are compiled."""
+"""Forms before compilation."""
 Directions = tuple[
     mechanics.Direction, mechanics.Direction, mechanics.Direction, mechanics.Direction
 ]
-"""Those the forms are written for: virtual displacement, displacement, `Fields.one`, `other`."""
+"""Arguments of the forms: virtual displacement, displacement, `Fields.one`, `other`."""
 
 
 def _with_interactions(terms: Terms, interactions: Interactions, directions: Directions) -> Terms:
-    """Add what acts on the surface; interactions compute the work on generalized strains."""
+    """Add the interactions with the surface; they compute the work on generalized strains."""
     nodal, moved, one, other = directions
     pairs = {"stiffness": (moved, nodal), "column": (one, nodal), "row": (nodal, one),
              "corner": (other, one)}  # fmt: skip
@@ -73,23 +73,23 @@ def _with_interactions(terms: Terms, interactions: Interactions, directions: Dir
 
 
 class Kinematics(ABC):
-    """From displacement to strain, and the forms that go with it.
+    """Strain from the displacement, and the corresponding forms.
 
     Args:
         section: The distributed section.
         points: Its quadrature points.
-        fields: What the forms see.
-        loads: On its surface.
+        fields: Functions in the forms.
+        loads: Loads on its surface.
         free: Whether any generalized strain is free.
-        interactions: What acts on its surface.
+        interactions: Interactions with its surface.
 
     Attributes:
         active: Points of the cells that have stress.
         forms: On these cells.
         rest: Work in the plane and on `Fields.one` in all others; None if there are none.
-        symmetric: Whether the tangent is, if that of the law is.
+        symmetric: Whether the tangent is symmetric if that of the law is.
         volume: Stiffness against change of volume.
-        constant: Whether volume changes by as much per unit of each motion whatever the
+        constant: Whether the change of volume per unit of each motion is independent of the
             displacement.
     """
 
@@ -130,13 +130,13 @@ class Kinematics(ABC):
         self.forms = self._on(self.active.cells)
 
     def _on(self, cells: npt.NDArray[np.int32]) -> Parts[fem.Form]:
-        """The forms on some cells and on all of the surface."""
+        """The forms on some cells and on the whole surface."""
         return self._compiled.each(lambda _, form: form.on(cells))
 
     def act_on(self, cells: npt.NDArray[np.int32]) -> None:
-        """From now on only these of this rank's cells have stress; the others may have pressure.
+        """Set the cells of this rank that have stress from now on; others may only have pressure.
 
-        Nothing of what the others do may depend on the motion: small strain.
+        Contributions of the others must not depend on the motion: small strain.
         """
         self.active = self._points.on(cells)
         self.forms = self._on(cells)
@@ -148,7 +148,7 @@ class Kinematics(ABC):
 
     @abstractmethod
     def _prepare(self, section: Section, interactions: Interactions) -> None:
-        """Set up what forms and increments need."""
+        """Set up data for forms and increments."""
 
     @abstractmethod
     def _terms(
@@ -162,10 +162,10 @@ class Kinematics(ABC):
 
     @abstractmethod
     def increments(self) -> tuple[Array, Array | None]:
-        """Strain increments of the step (active, 4), and the angles the material turns by.
+        """Strain increments of the step (active, 4), and rotation angles of the material.
 
-        At the points of the mean stress their trace is linear on each cell.  The angles (points,)
-        are those by which the law is to see the old stress and state turned; None for none.
+        At the points of the mean stress their trace is linear on each cell. The angles (points,)
+        are those by which old stress and state are rotated for the law; None for none.
         """
 
 
@@ -177,7 +177,7 @@ class SmallStrain(Kinematics):
     def _prepare(self, section: Section, interactions: Interactions) -> None:
         self.symmetric = self._symmetric and interactions.symmetric
         x, y = self._points.position.T
-        # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
+        # Strain of each generalized strain at the points, nonzero rows of [xx, yy, zz, xy].
         self._thickness = np.column_stack([np.ones_like(x), x, y])
 
     def _terms(
@@ -205,7 +205,7 @@ class SmallStrain(Kinematics):
         return Parts(work, matrix, along, column, row, corner)
 
     def _rates(self) -> tuple[Array, Array]:
-        """See `Kinematics`: the same for all displacements."""
+        """See `Kinematics`: equal for all displacements."""
         points = self._points
         generalized_strains = np.column_stack([self._thickness, np.ones(points.count)])[
             points.deviator_points :
@@ -287,7 +287,7 @@ class LargeStrain(Kinematics):
         return Parts(work, matrix, along, column, row, corner)
 
     def _rates(self) -> tuple[Array, Array]:
-        """See `Kinematics`: at the displacement there is."""
+        """See `Kinematics`: at the present displacement."""
         one = self._fields.one
         given = one.value.copy()
         found = [[table.values()] for table in self._nodal]

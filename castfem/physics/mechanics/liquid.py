@@ -1,17 +1,17 @@
-"""Liquid that is fed from above: it carries its pressure, and nothing of what the shell does.
+"""Fed liquid: it carries its pressure, but does not resist the motion of the shell.
 
-A slice's liquid is part of a pool that reaches up to the meniscus.  Where the shell moves away more
-of it flows in, where the shell comes nearer it flows out: it resists neither, and its mesh has to
-go somewhere only because the heat that crosses it does.  So the nodes fall into two kinds,
+The liquid of a slice is part of a pool that extends to the meniscus. Where the shell moves away,
+liquid flows in; where the shell comes nearer, it flows out. It resists neither, and its mesh must
+move only because heat is computed on it. The nodes are therefore of two kinds:
 
     shell   of cells with a point that is solid enough to carry stress, and of the cells at the
             surface, which stand for the shell before there is one;
     deep    all others.
 
 Equilibrium is that of the shell: deep nodes are prescribed, cells without solid have no stress
-but the pressure.  Then the deep nodes follow, as an elastic body that is pulled along by the shell
-and pulls at nothing itself: Int eps(u) : eps(v) da = 0 over those cells.  Whatever stiffness the
-liquid is given numerically counts in no more than the one layer of cells that freezes.
+except the pressure. Then the deep nodes follow, like an elastic body that is moved by the shell
+without acting on it: Int eps(u) : eps(v) da = 0 over those cells. The numerical stiffness of the
+liquid matters only in the single layer of cells that is freezing.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from castfem.physics.mechanics.quadrature import Points
 
 
 class FedLiquid:
-    """Which cells carry stress in a step, and where the others go.
+    """Determines the cells that carry stress in a step, and moves the others.
 
     Args:
         section: The distributed section.
-        space: Of the displacement.
+        space: Space of the displacement.
         points: Quadrature points of the slice.
-        supports: Conditions on the displacement.
+        supports: Constraints on the displacement.
 
     Attributes:
         carries: Points in cells that carry stress (points,).
-        layer: Number of the innermost layer of cells with a shell in a step, the surface's being 0.
-        bears: Whether most of what is solid stands in cells that are so as a whole.
-        deep: Degrees of freedom of deep nodes that this rank owns (k,).
+        layer: Index of the innermost layer of cells with a shell in a step; 0 at the surface.
+        bears: Whether most of the solid is in completely solid cells.
+        deep: Degrees of freedom of the deep nodes of this rank (k,).
         held: The condition that prescribes the deep nodes, for DOLFINx' assembly.
     """
 
@@ -59,7 +59,7 @@ class FedLiquid:
         self.section, self._space, self._points, self._supports = section, space, points, supports
         u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
         form = section.compile("mechanics.following", following(u, v))
-        # A deep node has deep cells alone round it: its equations are the same in any step.
+        # A deep node has only deep cells around it: its equations are equal in all steps.
         self._whole = create_matrix(form)
         assemble_into(self._whole, form, [])
         self._moved, self._right = self._whole.createVecs()
@@ -93,9 +93,9 @@ class FedLiquid:
         return found
 
     def _numbered_layers(self) -> Indices:
-        """Layer of each own cell (cells,), from the surface's inwards (collective).
+        """Layer of each own cell (cells,), from the surface inwards (collective).
 
-        Cells that share a node are next to one another.
+        Cells that share a node are neighbours.
         """
         layers, number, comm = np.where(self._surface, 0, -1), 0, self.section.comm
         while reductions.any_of(comm, bool((layers < 0).any())):
@@ -106,21 +106,21 @@ class FedLiquid:
         return layers
 
     def _innermost(self, cells: Flags) -> float:
-        """Number of the innermost layer with one of these cells (cells,) (collective)."""
+        """Index of the innermost layer with one of these cells (cells,) (collective)."""
         return max(reductions.largest(self.section.comm, self._layers[cells].astype(float)), 0.0)
 
     def cells_to(self, layer: int) -> npt.NDArray[np.int32]:
-        """Own cells from the surface down to a layer."""
+        """Own cells from the surface to a layer."""
         return np.flatnonzero(self._layers <= layer).astype(np.int32)
 
     def nodes_of(self, cells: npt.NDArray[np.int32]) -> Flags:
-        """Whether each local node is one of these cells', of whatever rank (collective)."""
+        """Whether each local node belongs to one of these cells, on any rank (collective)."""
         marked = np.zeros(self.section.cells, dtype=bool)
         marked[cells] = True
         return self._of_cells(marked) > 0.0
 
     def _of_cells(self, marked: Flags) -> Array:
-        """Number of these own cells, of all ranks, at each local node (collective)."""
+        """Number of these cells, of all ranks, at each local node (collective)."""
         marks, size = self._marks.x, self._space.dofmap.bs
         marks.array[:] = 0.0
         marks.array.reshape(-1, size)[self._nodes[marked]] = 1.0
@@ -132,10 +132,10 @@ class FedLiquid:
         return fem.dirichletbc(fem.Function(self._space), nodes)
 
     def begin(self, solid: Flags) -> None:
-        """Sort the cells of a step (collective).
+        """Classify the cells of a step (collective).
 
         Args:
-            solid: Points that are solid enough to carry stress at its end (points,).
+            solid: Points solid enough to carry stress at its end (points,).
         """
         points, cells = self._points, self.section.cells
         per_cell = len(points.deviator.points), len(points.mean.points)
@@ -173,9 +173,9 @@ class FedLiquid:
         u.x.scatter_forward()
 
     def followed(self, displacements: Array) -> Array:
-        """Displacements (n, owned) whose deep nodes follow the others, which stay (collective).
+        """Displacements (n, owned) with deep nodes following the given others (collective).
 
-        Supports are where the displacements have them.
+        Supports are as in the given displacements.
         """
         comm, follows = self.section.comm, self._follows
         if not reductions.any_of(comm, bool(follows.any())):
@@ -191,7 +191,7 @@ class FedLiquid:
         return np.asarray(displacements + self._equations.solved(forces))
 
     def _restrict(self) -> None:
-        """Equations of the nodes that follow; the others stay where they are (collective)."""
+        """Set up the equations of the nodes that follow; the others are fixed (collective)."""
         if self._equations is None or self._equations.outermost != self._outermost:
             if self._equations is not None:
                 self._equations.destroy()
@@ -210,15 +210,16 @@ class FedLiquid:
 
 
 class _Equations:
-    """Those of the cells from the outermost layer on that has a deep one.
+    """Equations of the cells from the outermost layer with a deep one inwards.
 
-    A factorisation, exact, so that ranks and restarts agree; kept while the front stays.  Conjugate
-    gradients by that of an earlier step take 20 to 60 iterations where the front has moved by
-    single cells, a dozen of which cost as much as a new factorisation.
+    A direct factorisation, exact, so that ranks and restarts agree; it is kept while the front does
+    not move. Conjugate gradients preconditioned by an earlier factorisation would take 20 to 60
+    iterations where the front has moved by single cells; a dozen of them cost as much as a new
+    factorisation.
 
     Args:
-        whole: Equations of all cells. space: Of the displacement.
-        nodes: Local nodes of those layers. outermost: Number of the first of them.
+        whole: Equations of all cells. space: Space of the displacement.
+        nodes: Local nodes of those layers. outermost: Index of the first of them.
     """
 
     def __init__(
@@ -239,13 +240,13 @@ class _Equations:
         self._ksp.getPC().setFactorSolverType("mumps" if has_mumps else "petsc")
 
     def restrict(self, follows: Flags) -> None:
-        """Let these of this rank's unknowns follow and all others stay (collective)."""
+        """Let these unknowns of this rank follow, and fix all others (collective)."""
         self._part.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         stays = np.flatnonzero(~follows[self._rows]) + self._matrix.getOwnershipRange()[0]
         self._matrix.zeroRowsColumns(stays.astype(PETSc.IntType))
 
     def solved(self, forces: Array) -> Array:
-        """How far unknowns move by forces (n, owned), 0 where they stay (collective)."""
+        """Motion of the unknowns under forces (n, owned), 0 where fixed (collective)."""
         found = np.zeros_like(forces)
         if len(forces) == 1:
             self._right.setArray(forces[0, self._rows])

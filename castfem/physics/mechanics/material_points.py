@@ -14,51 +14,51 @@ from castfem.physics.constitutive.kernel import constants
 
 @dataclass(frozen=True, slots=True)
 class FedPoints:
-    """Points of liquid that is fed: what stands in for a stiffness there."""
+    """Points of fed liquid: the stiffness used there."""
 
-    carries: Flags  #: points in cells that carry stress (points,); the others have none at all
+    carries: Flags  #: points in cells that carry stress (points,); others have no stiffness
     liquid: Flags  #: points without coherent solid (points,)
-    young: float  #: modulus at these in cells that carry stress, Poisson's ratio being 0, Pa
+    young: float  #: modulus of liquid points in cells that carry stress, with Poisson's ratio 0, Pa
 
     @classmethod
     def of(cls, carries: Flags, liquid: Flags, solid: float, head: float) -> FedPoints:
-        """The points of a step, by what they have to stand.
+        """Return the points of a step, with a modulus according to the pressure.
 
         Args:
             carries: See `FedPoints`.
-            liquid: Likewise.
+            liquid: See `FedPoints`.
             solid: Young's modulus at the solidus, Pa.
             head: Largest pressure of the liquid, Pa.
         """
-        # In cells that carry stress; where nothing presses, by the modulus of the solid.
+        # In cells that carry stress; without pressure, from the modulus of the solid.
         return cls(carries, liquid, max(30.0 * head, 1e-6 * solid))
 
     def soften(self, rows: slice, table: Array) -> None:
-        """Put the moduli into the table of coefficients of some of the points."""
+        """Write the moduli into the table of coefficients of some points."""
         young = np.where(self.carries[rows], self.young, 0.0)[self.liquid[rows]]
         at = np.flatnonzero(self.liquid[rows])
         table[at, constants.SHEAR], table[at, constants.BULK] = young / 2.0, young / 3.0
         table[at, constants.YOUNG] = self.young
         table[at, constants.CARRY_DEVIATOR] = table[at, constants.CARRY_MEAN] = 0.0
         table[at, constants.FRESH] = 1.0
-        # What freezes at the very end of a step is no softer than the liquid it was.
+        # Points that freeze at the very end of a step are no softer than the liquid was.
         least = self.young / table[:, constants.YOUNG]
         np.maximum(table[:, constants.SHARE], np.minimum(least, 1.0), out=table[:, constants.SHARE])
 
 
 class Material:
-    """The law at the deviator's points; where the mean stress alone counts, its elasticity.
+    """The law at the deviator's points; where only the mean stress counts, its elasticity.
 
-    Flow leaves the volume unchanged, so a law's mean stress is that of its elastic part, and almost
-    a third of the points need no more.
+    Flow leaves the volume unchanged, so that a law's mean stress is that of its elastic part;
+    almost a third of the points need no more.
 
     Args:
         law: Constitutive law.
-        count: Quadrature points it is integrated at.
-        deviators: Of them, those of the deviator's rule, which come first.
+        count: Number of its quadrature points.
+        deviators: Number of points of the deviator's rule, which come first.
 
     Attributes:
-        response: At these points; written to by each `integrate`.
+        response: Response at these points; written by each `integrate`.
     """
 
     def __init__(self, law: Law, count: int, deviators: int) -> None:
@@ -81,12 +81,12 @@ class Material:
         """Prepare a step.
 
         Args:
-            before: Temperatures of the moduli at its start (points,), K.
-            after: At its end.
+            before: Temperatures at its start (points,), K, for the moduli.
+            after: Temperatures at its end.
             thermal: Thermal strain increments (points,).
-            dt: Its length, s.
+            dt: Duration, s.
             old: Stress (points, 4), Pa, and state (points, states) at its start.
-            fed: Points of liquid that is fed; None where the law knows all.
+            fed: Points of fed liquid; None if the law covers all points.
         """
         self._temperatures, self._thermal, self._dt = (before, after), thermal, dt
         self._old = old
@@ -100,8 +100,7 @@ class Material:
 
         Args:
             strain: The increments.
-            angle: By which the old stress and state have turned with the material (points,); None
-                for nowhere.
+            angle: Rotation of the old stress and state with the material (points,); None for none.
         """
         before, after = self._temperatures
         stress_old, internal = self._old

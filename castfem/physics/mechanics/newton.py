@@ -1,4 +1,4 @@
-"""Newton's method for the slice: options, line search, and when equilibrium is good enough."""
+"""Newton's method for the slice: options, line search, convergence criteria."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from castfem.physics.mechanics.interactions import Interactions
 from castfem.physics.mechanics.scaling import Scales, StressScale, over
 from castfem.physics.mechanics.supports import Constraints
 
-# A shell that shrinks off its wall lets go of it point by point, an iteration each.
+# A shell that shrinks away from its wall loses contact point by point, one per iteration.
 NEWTON: dict[str, Any] = {"snes_linesearch_type": "basic", "snes_max_it": 100}
 
 
@@ -29,10 +29,10 @@ def split_options(
     """Options of SNES, and those of the linear solver.
 
     Args:
-        user: The user's, which win; with a preconditioner or a factorisation of his own nothing of
-            the default one is left.
-        symmetric: Whether the tangent is.
-        ranks: How many share it.
+        user: The user's options, which take precedence; with a preconditioner or factorisation of
+            the user none of the default one's are used.
+        symmetric: Whether the tangent is symmetric.
+        ranks: Number of ranks.
     """
     factor: dict[str, Any] = {}
     if "pc_type" not in user:
@@ -48,18 +48,19 @@ def split_options(
 
 @dataclass(frozen=True, slots=True)
 class LineSearchLimits:
-    """When a correction is cut, and when a search ends."""
+    """Limits of the line search."""
 
-    overshoot: float = 0.05  #: of the work at the start: less is Newton's own business
-    close: float = 0.05  #: what is left of the work at the start when the search ends
-    trials: int = 40  #: of one search
-    #: of the square of the imbalance: what leaves less of it has not overshot, whatever its work:
-    #: along a correction that is no longer than rounding that may have any sign
+    #: negative work, relative to that at the start, above which a step has overshot
+    overshoot: float = 0.05
+    close: float = 0.05  #: remaining work, relative to that at the start, at which the search ends
+    trials: int = 40  #: largest number of trials of one search
+    #: relative square of the residual below which a step has not overshot, whatever its work: along
+    #: a correction of the size of rounding the work may have any sign
     nearly: float = 1e-2
-    #: times what may be out of balance: from there on what makes it smaller is taken
+    #: multiple of the tolerance below which any reduction of the residual is accepted
     almost: float = 10.0
     patience: int = 8  #: Newton iterations in which contact may overshoot
-    near: float = 1e4  #: times the tolerance: how near the solution contacts become free to open
+    near: float = 1e4  #: multiple of the tolerance below which contacts are free to open
 
 
 LIMITS = LineSearchLimits()
@@ -67,32 +68,32 @@ LIMITS = LineSearchLimits()
 
 @dataclass(frozen=True, slots=True)
 class LineSearch:
-    """How much of Newton's correction a slice is to take.
+    """Determines the fraction of Newton's correction to take.
 
     Where a material flows almost without hardening, the tangent of a step that has just begun to
-    flow is next to nothing and Newton's correction is far too long.  The forces out of balance
-    derive from a convex potential (for laws that do not soften), so their work along the correction
-    falls steadily: the step is cut where it would turn clearly negative.  The size of the residual,
-    which other line searches go by, says nothing here, until it is almost as small as it has to be:
-    then the sign of its work is that of rounding.
+    flow almost vanishes, and Newton's correction is far too long. The residual forces derive from a
+    convex potential (for laws without softening), so that their work along the correction decreases
+    monotonically: the step is cut where it would become clearly negative. The norm of the residual,
+    which other line searches use, is no guide here, until it is almost small enough: then the sign
+    of the work is that of rounding.
     """
 
-    comm: MPI.Comm  #: ranks
-    interactions: Interactions  #: what acts on its surface
-    #: of local unknowns, N/m; leaves the interactions evaluated there
+    comm: MPI.Comm  #: communicator
+    interactions: Interactions  #: interactions with its surface
+    #: residual of local unknowns, N/m; evaluates the interactions there
     residual: Callable[[Array], Array]
 
     def share(self, local: Array, step: Array, iteration: int, imbalance: float) -> float:
-        """Part of the correction to take: less than 1 where all of it would overshoot by far.
+        """Return the fraction of the correction to take; below 1 if the full one overshoots far.
 
         Args:
             local: Unknowns.
             step: Newton's correction, which is subtracted from them.
             iteration: Number of the correction in the solve, from 0.
-            imbalance: Imbalance at the unknowns, relative to the tolerance.
+            imbalance: Residual at the unknowns, relative to the tolerance.
 
         Returns:
-            The part (collective).
+            The fraction (collective).
         """
         first, before = self._along(local, step)
         base = self.interactions.evaluated()
@@ -104,13 +105,13 @@ class LineSearch:
                 return 0.0
             if share < 1.0 or iteration >= LIMITS.patience:
                 return found
-            # Points that come into contact make a kink, no overshoot: full steps find them.
+            # Points coming into contact make a kink, not an overshoot: full steps find them.
             return found + self.interactions.kink(base)
 
         return step_share(first, work)
 
     def _along(self, local: Array, step: Array) -> tuple[float, float]:
-        """Work of what is out of balance along a step, and the square of its size (collective)."""
+        """Work of the residual along a step, and the square of its norm (collective)."""
         residual = self.residual(local)
         sums = [float(residual @ step), float(residual @ residual)]
         work, square = reductions.totals(self.comm, sums)
@@ -118,14 +119,13 @@ class LineSearch:
 
 
 def step_share(first: float, work: Callable[[float], float]) -> float:
-    """Part of the correction to take, 1 wherever the full one does not overshoot.
+    """Return the fraction of the correction to take, 1 if the full one does not overshoot.
 
-    The last share that `work` is asked for is the one that is returned.
+    The last fraction for which `work` is called is the returned one.
 
     Args:
         first: Work along the correction at the start.
-        work: The same after a share of the correction; not finite where it cannot be told, which
-            counts as an overshoot.
+        work: Work after a fraction of the correction; a non-finite value counts as overshoot.
     """
 
     def work_after(share: float) -> float:
@@ -152,37 +152,38 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
 
 @dataclass(slots=True)
 class ResidualState:
-    """The residual at one set of unknowns, and what was found with it."""
+    """The residual for one set of unknowns, with its by-products."""
 
     local: Array  #: the unknowns of this rank
     generalized_strains: Array  #: generalized strains (4,)
-    forces: Array  #: nodal forces (owned,), N/m; at supports what they carry
-    balance: Array  #: work of the stress less that of the load along each test direction, N/m
-    scale: StressScale  #: how large the stress is
+    forces: Array  #: nodal forces (owned,), N/m; at supports their reactions
+    balance: Array  #: work of the stress minus that of the load in each test direction, N/m
+    scale: StressScale  #: scale of the stress
 
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """What may be out of balance in a section."""
+    """Convergence criteria of a section."""
 
-    comm: MPI.Comm  #: its ranks
-    scales: Scales  #: sizes
+    comm: MPI.Comm  #: communicator
+    scales: Scales  #: scales of the residuals
     constraints: Constraints  #: supports
-    tolerance: float  #: out-of-balance stress left, relative to the stress there is
+    tolerance: float  #: allowed residual stress, relative to the stress in the section
 
     def sizes(
         self, residual_state: ResidualState, residual: Array, load: Array
     ) -> dict[str, float]:
-        """What is out of balance, over what may be, for each kind of unknown (collective).
+        """Residuals of each kind of unknown, relative to their tolerance (collective).
 
-        "forces": the worst node, as the stress around it that would make such a force, against the
-        stress in the section.  "axial": the worst test direction of the planes against the sum of
-        the absolute forces.  "supports": distance from where supports are to be.
+        "forces": the worst node, as the stress around it that would cause the force, relative to
+        the stress in the section. "axial": the worst test direction of the planes, relative to the
+        sum of the absolute forces. "supports": deviation from prescribed displacements.
 
         Args:
-            residual_state: The unknowns and what is known there.
-            residual: Local, N/m; at supports the distance from where they are to be, m.
-            load: Along the test directions of the planes (free,), N/m.
+            residual_state: The unknowns and their by-products.
+            residual: Local residual, N/m; at supports the deviation from the prescribed position,
+                m.
+            load: Load in the test directions of the planes (free,), N/m.
         """
         scale, fixed = residual_state.scale, self.constraints.fixed
         force_per_stress = self.scales.force_per_stress
@@ -196,7 +197,7 @@ class Criteria:
         allowed = self.tolerance * scale.typical + scale.rounding
         found = {"forces": over(float(worst[0]), allowed)}
         if self.constraints.moving:
-            # Of their displacement: how far supports that move may be from their goal.
+            # Relative to their displacement: allowed deviation of moving supports.
             found["supports"] = over(float(worst[1]), 1e-12 * float(worst[2]))
         if len(load):
             most = float(np.abs(load).max()) * self.scales.length

@@ -1,4 +1,4 @@
-"""What the equilibrium of a slice is made of: points, forms, supports and what acts on it."""
+"""The parts of a slice's equilibrium: points, forms, supports and interactions."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from castfem.physics.mechanics.supports import SPRING, Constraints, SurfaceLoads
 
 
 class StrainedSlice:
-    """A slice on its mesh: what its states are read with.
+    """A slice on its mesh, with which its states are evaluated.
 
     Args:
         section: The distributed section.
         slice_: Material, supports and loads.
         space: Space of the displacement.
         points: Quadrature points.
-        interactions: What acts on the surface.
+        interactions: Interactions with the surface.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class StrainedSlice:
         self.points, self.interactions = points, interactions
 
     def of_slice(self, slice_: Slice) -> StrainedSlice:
-        """A slice with other numbers on the same mesh; its interactions are of the same kinds.
+        """Return a slice with other data on the same mesh; its interactions are of the same kinds.
 
         Raises:
             InputError: One of the interactions has no derivatives.
@@ -72,20 +72,20 @@ class SliceParts(StrainedSlice):
     Args:
         section: The distributed section.
         slice_: Material, supports and loads.
-        springs: What takes away the motions that nothing holds: springs of this stiffness over
-            Young's modulus, points held rigidly (None), or what its interactions ask for: springs
-            where one of them holds the section, points where none does.
+        springs: How motions without restraint are prevented: by springs of this stiffness over
+            Young's modulus, by fixed points (None), or as the interactions require: springs if one
+            of them holds the section, points otherwise.
 
     Attributes:
-        scales: Sizes of the section, by which unknowns and residuals are measured.
+        scales: Scales of the section for unknowns and residuals.
         owned: This rank's own displacement unknowns. free: Free generalized strains.
-        fields: What the forms see. loads: On the surface.
-        kinematics: From displacement to strain. constraints: What holds the slice.
-        planes: Equilibrium along the free generalized strains.
-        liquid: Where the liquid is fed; None where it is an elastic body.
+        fields: Functions in the forms. loads: Loads on the surface.
+        kinematics: Strain from displacement. constraints: Supports of the slice.
+        planes: Equilibrium in the free generalized strains.
+        liquid: Fed liquid; None for an elastic body.
 
     Raises:
-        InputError: If a motion of the planes is excluded by symmetry, or a group does not exist.
+        InputError: A motion of the planes is excluded by symmetry, or a group does not exist.
     """
 
     def __init__(

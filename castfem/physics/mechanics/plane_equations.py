@@ -1,4 +1,4 @@
-"""Equilibrium along the free degrees of freedom of generalized plane strain, and its derivatives.
+"""Equilibrium in the free generalized strains, with its derivatives.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -20,28 +20,29 @@ from castfem.physics.mechanics.planes import Planes, ScaledPlanes
 from castfem.physics.mechanics.scaling import Scales
 from castfem.physics.mechanics.state import MechanicalState
 
-# What holds the planes in a step while there is hardly a shell: this much of the section, solid.
+# Restraint of the planes in a step while there is hardly a shell: relative area of the section,
+# solid.
 DRAG = 1e-3
 
 
 class PlaneEquations:
-    """The equilibrium of axial force and moments (38), for the degrees of freedom that are free.
+    """The equilibrium of axial force and moments (38), for the free generalized strains.
 
-    Before there is a shell next to nothing in the slice balances an axial force, and slivers of
-    solid in cells that are mostly liquid give way by changing volume: the planes would drift by so
-    much a step, however short.  Until there is one they are held from step to step by a stiffness
-    that forgets: it delays a shell of a tenth of a millimetre by about a step.
+    Before there is a shell almost nothing in the slice balances an axial force, and slivers of
+    solid in mostly liquid cells yield by changing volume: the planes would drift by a fixed amount
+    per step, however short. Until there is a shell they are restrained by a stiffness relative to
+    the start of each step, which delays a shell of a tenth of a millimetre by about a step.
 
     Args:
-        planes: What constrains and loads the planes.
-        fields: Displacement and generalized strains as the forms see them.
-        kinematics: Has the compiled forms.
-        interactions: What acts on the surface.
+        planes: Constraints and loads of the planes.
+        fields: Displacement and generalized strains in the forms.
+        kinematics: Gives the compiled forms.
+        interactions: Interactions with the surface.
         scales: Sizes of the slice.
 
     Attributes:
-        scaled: Free degrees of freedom in the step. begun: Unknowns at its start (free,), m.
-        drag: What holds the planes, N/m per m. rest: Work of the cells without stress (4,), N/m.
+        scaled: Free unknowns in the step. begun: Unknowns at its start (free,), m.
+        drag: Restraint of the planes, N/m per m. rest: Work of the cells without stress (4,), N/m.
     """
 
     def __init__(
@@ -63,11 +64,11 @@ class PlaneEquations:
         self.begun = old.scalars / self.scaled.scaling
 
     def hold(self, young: float) -> None:
-        """Hold the planes where they are, with a section of this Young's modulus, Pa; 0 for no."""
+        """Restrain the planes like a section of this Young's modulus, Pa; 0 for no restraint."""
         self.drag = self.drag_by(young)
 
     def drag_by(self, young: float) -> float:
-        """What holds them, N/m per m, with a section of this Young's modulus, Pa."""
+        """Restraint, N/m per m, of a section with this Young's modulus, Pa."""
         return DRAG * (young * self._scales.area / self._scales.length**2)
 
     def work_on(self, directions: Array) -> Array:
@@ -76,7 +77,7 @@ class PlaneEquations:
         return found + self.rest @ directions
 
     def work_of(self, form: fem.Form, directions: Array) -> Array:
-        """Work of a form's stress along directions (4, k), N/m each (collective)."""
+        """Work of the stress in a form along directions (4, k), N/m each (collective)."""
         work = np.zeros(directions.shape[1])
         for i, direction in enumerate(directions.T):
             self._fields.one.value[:] = direction
@@ -84,7 +85,7 @@ class PlaneEquations:
         return reductions.totals(self._comm, work) if len(work) else work
 
     def balance(self, scalars: Array) -> Array:
-        """Residual along the test directions at these scaled scalars (free,), N/m."""
+        """Residual in the test directions for these scaled scalars (free,), N/m."""
         found = self.work_on(self.scaled.test_directions) - self.scaled.load
         found += self._interactions.work_on(self.scaled.test_directions)
         return np.asarray(found + self.drag * (scalars - self.begun))
@@ -95,12 +96,12 @@ class PlaneEquations:
         assemble: Callable[[fem.Form, Array], Array],
         prescribed: Indices,
     ) -> None:
-        """Derivatives by the free degrees of freedom, and of their equations.
+        """Add the derivatives by the free unknowns, and those of their equations.
 
         Args:
-            bordered: Gets columns, rows and corner.
-            assemble: A linear form and what stands beside it, at this rank's own unknowns.
-            prescribed: Unknowns whose displacement is given.
+            bordered: Receives columns, rows and corner.
+            assemble: Assembles a linear form and its additional terms, at this rank's own unknowns.
+            prescribed: Unknowns with a prescribed displacement.
         """
         compiled, fields, scaled = self._kinematics.forms, self._fields, self.scaled
         volume, free = self._kinematics.volume, scaled.directions.shape[1]

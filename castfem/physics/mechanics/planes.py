@@ -1,13 +1,13 @@
 """Degrees of freedom of generalized plane strain: free, fixed or imposed (thesis III.1).
 
 The slice lies between two planes whose distance is e = a0 + a1 x + a2 y (37), relative to an
-undeformed thickness of 1.  What is carried here are the generalized strains
-[a0 - 1, a1, a2, across], see `castfem.forms.mechanics`.  Whatever constrains the planes, they are
+undeformed thickness of 1. The unknowns here are the generalized strains [a0 - 1, a1, a2, across],
+see `castfem.forms.mechanics`. For any constraints of the planes they are
 
     generalized strains = offset(t) + directions(t) z
 
-with free scalars z; to each belongs one equation of equilibrium out of (38), the work of stress and
-load along its test direction.
+with free scalars z; each has one equation of equilibrium out of (38), the work of stress and load
+along its test direction.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -29,48 +29,48 @@ if TYPE_CHECKING:
     from castfem.physics.machine.extraction.effort import Withdrawal
 
 TimeHistory = Callable[[float], float]
-"""A quantity over time, s."""
+"""A function of time, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bending:
-    """What the machine's curvature has done to the slice so far; part of its state.
+    """Bending of the slice by the curvature of the machine so far; part of its state.
 
     Moments and work are those of the modelled part of the section.
     """
 
-    curvature: float = 0.0  #: k of the strand's middle, 1/m
-    moment: float = 0.0  #: M = int sigma_zz y da, N m; positive where the intrados is pulled
-    #: int M dk from the first instant on, J per m of strand; bending takes less than zero
+    curvature: float = 0.0  #: curvature k of the strand's middle, 1/m
+    moment: float = 0.0  #: M = int sigma_zz y da, N m; positive for tension at the intrados
+    #: int M dk since the start, J per m of strand; negative in bending
     work: float = 0.0
-    #: where the slice's thickness has not changed in the last step, m from the middle towards the
-    #: intrados; None where the curvature stayed
+    #: position where the slice's thickness has not changed in the last step, m from the middle
+    #: towards the intrados; None while the curvature is constant
     axis: float | None = None
-    #: what rolls and drives have done, of the whole strand; None where no rolls resist
+    #: forces of rolls and drives on the whole strand; None without resistance of rolls
     withdrawal: Withdrawal | None = None
 
 
 STRAIGHT = Bending()
-"""Of a strand that goes straight down."""
+"""Bending of a straight strand."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepTaken:
-    """What planes get to know of an accepted step."""
+    """Data of an accepted step for the planes."""
 
     time: float  #: at its end, s
-    #: computes M at its end, N m (collective); called only for planes that are bent
+    #: returns M at its end, N m (collective); only called for bent planes
     moment: Callable[[], float]
-    change: Array  #: of the generalized strains over it (4,)
-    temperature: Array  #: at its end, at the owned vertices (owned,), K
-    #: to the forces of the next two pairs of rolls (`BearsRolls.added`), N/m
+    change: Array  #: change of the generalized strains (4,)
+    temperature: Array  #: temperatures at its end, at the owned vertices (owned,), K
+    #: extra loads of the next two pairs of rolls (`BearsRolls.added`), N/m
     added: tuple[float, float] = NOTHING_ADDED
 
 
 class Planes(Protocol):
-    """What constrains and loads the degrees of freedom of generalized plane strain.
+    """Constraints and loads of the generalized strains.
 
-    What only planes know that are bent is as in a strand that goes straight down.
+    Methods for bent planes have defaults for a straight strand.
     """
 
     @property
@@ -79,44 +79,45 @@ class Planes(Protocol):
 
     @property
     def steady(self) -> bool:
-        """Whether all this is the same at any time."""
+        """Whether the constraints are constant in time."""
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """Offset (4,), directions (4, free) and test directions (4, free) at `time` (s).
 
-        The work of the stress along each test direction must be that of the load.  They are the
-        directions themselves but where a constraint couples two generalized strains.
+        The work of the stress along each test direction must equal that of the load. Test
+        directions are the directions themselves unless a constraint couples two generalized
+        strains.
         """
 
     def load(self, time: float) -> Array:
         """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
 
     def withdrawal_force(self, past: Bending, time: float) -> float:
-        """Axial force, N, by rolls and drives, in a step from `past` to `time` (s)."""
+        """Axial force, N, of rolls and drives in a step from `past` to `time` (s)."""
         return 0.0
 
     def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
         """Test directions (4, free) of a step that ends at `time` (s), and the load (4,)."""
 
     def initial_bending(self, time: float) -> Bending:
-        """The bending of a slice that is cast at `time` (s)."""
+        """Bending of a slice that is cast at `time` (s)."""
         return STRAIGHT
 
     def bending_after(self, past: Bending, step: StepTaken) -> Bending:
-        """The bending after a step, from that before it."""
+        """Bending after a step."""
         return past
 
     def bending_force(self, now: Bending) -> float:
-        """Axial force that bending has left in the slice, N: N - F where nothing else acts."""
+        """Axial force from bending in the slice, N: N - F without other forces."""
         return 0.0
 
 
 LOADS = ("force", "moment_x", "moment_y")
-"""Names of the loads from outside, in the order of `Planes.load`."""
+"""Names of the external loads, in the order of `Planes.load`."""
 
 
 def loads_at(planes: Planes, past: Bending, time: float) -> dict[str, float]:
-    """Return by name the loads (N, N m) that work along a test direction, in a step to `time`."""
+    """Return the loads (N, N m) with work in a test direction, by name, in a step to `time`."""
     test, load = planes.at(time)[2], planes.load(time)
     load[0] += planes.withdrawal_force(past, time)
     works = np.abs(test).sum(axis=1) > 0.0
@@ -125,20 +126,20 @@ def loads_at(planes: Planes, past: Bending, time: float) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class ScaledPlanes:
-    """Free degrees of freedom of the planes at one instant, scaled to lengths."""
+    """Free generalized strains at one time, scaled to lengths."""
 
     offset: Array  #: generalized strains where the free scalars are zero (4,)
     directions: Array  #: generalized strains for each unknown (4, free), 1/m and 1/m2
-    test_directions: Array  #: the work along them is balanced (4, free), scaled likewise
-    load: Array  #: work of the external forces on them (free,), N/m
+    test_directions: Array  #: test directions (4, free), scaled likewise
+    load: Array  #: work of the external forces in them (free,), N/m
     scaling: Array  #: free scalar for each unknown, 1/m
     coupled: bool  #: whether `test_directions` differ from `directions`
 
     @classmethod
     def of(cls, planes: Planes, past: Bending, time: float, length: float) -> ScaledPlanes:
-        """Those of a section of size `length` (m) in a step from `past` to `time` (s).
+        """Return those of a section of size `length` (m) in a step from `past` to `time` (s).
 
-        An unknown of unit size moves the slice by about its own unit of length.
+        A unit of an unknown moves the slice by about one unit of length.
         """
         offset, directions, _ = planes.at(time)
         test, forces = planes.equilibrium(past, time)
@@ -154,7 +155,7 @@ class ScaledPlanes:
 
 
 def allowed_strains(groups: tuple[str, ...]) -> tuple[str, ...]:
-    """Generalized strains that the symmetry of a section leaves, by its boundary groups.
+    """Generalized strains that the symmetry of a section allows, from its boundary groups.
 
     A section mirrored at x = 0 (group symmetry_x) has no a1, one mirrored at y = 0 no a2.
     """
@@ -170,7 +171,7 @@ def check_strains(names: tuple[str, ...], groups: tuple[str, ...]) -> None:
     """Refuse generalized strains that the symmetry of the section excludes.
 
     Raises:
-        InputError: Naming each.
+        InputError: Names each of them.
     """
     allowed = (*allowed_strains(groups), "across")
     wrong = [n for n in names if n not in allowed]
@@ -185,7 +186,7 @@ def check_strains(names: tuple[str, ...], groups: tuple[str, ...]) -> None:
 
 
 def zero(time: float) -> float:
-    """No load, at any time."""
+    """Return 0: no load at any time."""
     return 0.0
 
 
@@ -193,12 +194,13 @@ def zero(time: float) -> float:
 class PlainPlanes(Planes):
     """Each generalized strain free, or imposed over time (fixed at zero by default)."""
 
-    free: tuple[str, ...] = ("a0",)  #: those that are free, of `GENERALIZED_STRAINS`
-    #: value over time (s) of others: strain, 1/m, 1/m, strain
+    free: tuple[str, ...] = ("a0",)  #: names of the free ones, from `GENERALIZED_STRAINS`
+    #: values over time (s) of the others: strain, 1/m, 1/m, strain
     imposed: Mapping[str, TimeHistory] = field(default_factory=dict)
     force: TimeHistory = zero  #: external axial force, N
-    moment_x: TimeHistory = zero  #: external moment of sigma_zz with x, N m (thesis' M_y)
-    moment_y: TimeHistory = zero  #: the same with y (M_x); each over time
+    #: external moment of sigma_zz with x, N m (thesis' M_y), over time
+    moment_x: TimeHistory = zero
+    moment_y: TimeHistory = zero  #: external moment with y, N m (M_x), over time
 
     def __post_init__(self) -> None:
         """Check the names."""

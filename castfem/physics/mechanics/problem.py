@@ -1,8 +1,8 @@
 """Equilibrium of the slice at the end of a step, solved by SNES.
 
 Unknowns are the displacement and the free generalized strains (`castfem.physics.mechanics.planes`).
-The latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and
-nothing in the solution depends on the units chosen.
+The latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and the
+solution does not depend on the choice of units.
 """
 
 from __future__ import annotations
@@ -44,19 +44,20 @@ class MechanicalProblem(SliceParts):
     Args:
         section: The distributed section.
         slice_: Material, supports and loads.
-        options: PETSc options that win over the defaults.
-        tolerance: Out-of-balance stress left, relative to the stress there is.
-        watch: Charged with the time spent here.
+        options: PETSc options, which take precedence over the defaults.
+        tolerance: Allowed residual stress, relative to the stress in the section.
+        watch: Stopwatch for the time spent here.
         springs: See `SliceParts`.
 
     Attributes:
-        fed: Points of fed liquid in the step that was begun; None where it is an elastic body.
-        iterations: Newton iterations since the start.
-        farthest: Of a Newton correction, over the section's extent: one beyond it ends the solve.
+        fed: Points of fed liquid in the current step; None for an elastic body.
+        iterations: Total Newton iterations.
+        farthest: Largest Newton correction, relative to the section's extent; a larger one ends the
+            solve.
 
     Raises:
-        InputError: If a motion of the planes is excluded by symmetry, a group does not exist, or
-            PETSc refuses an option.
+        InputError: A motion of the planes is excluded by symmetry, a group does not exist, or PETSc
+            refuses an option.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class MechanicalProblem(SliceParts):
         self.fed: FedPoints | None = None
 
     def _build_solver(self, options: Options) -> None:
-        """SNES on displacement and scalars."""
+        """Set up SNES on displacement and scalars."""
         symmetric = self.kinematics.symmetric
         nonlinear, linear = split_options(options, symmetric, self.section.comm.size)
         if options:
@@ -92,7 +93,7 @@ class MechanicalProblem(SliceParts):
         prefix = "mechanical_"
         shorten = None if "snes_linesearch_type" in options else self.shorten
         self._search = LineSearch(self.section.comm, self.interactions, self._residual)
-        self._left = np.inf  # out of balance, over what may be, where SNES asked for it last
+        self._left = np.inf  # residual relative to its tolerance at SNES's last check
         self.bordered = BorderedSystem(self._part.matrix, self.free, prefix, linear, symmetric)
         vector, operator = self.bordered.vector(), self.bordered.operator
         self.solver = SnesSolver(
@@ -103,12 +104,12 @@ class MechanicalProblem(SliceParts):
 
     @property
     def active(self) -> ActivePoints:
-        """Points of the cells that have stress in the step that was begun."""
+        """Points of the cells that have stress in the current step."""
         return self.kinematics.active
 
     @property
     def response(self) -> Response:
-        """Of the law, at the active points."""
+        """Response of the law at the active points."""
         return self._material.response
 
     def _take_law(self) -> None:
@@ -147,7 +148,7 @@ class MechanicalProblem(SliceParts):
         self.loads.set(time)
         self.constraints.set(time, self._target)
         if self.liquid is not None:
-            deep = self.liquid.deep  # stays where it was: it follows the shell when that is found
+            deep = self.liquid.deep  # fixed for now: follows the shell once that is found
             self.constraints.hold_too(deep, self.liquid.held)
             self._target[deep] = old.displacement[deep]
         if (springs := self.constraints.springs) is not None:
@@ -159,10 +160,10 @@ class MechanicalProblem(SliceParts):
         self.residual_state, self._integrated, self._first = None, None, 0.0
 
     def solve(self, guesses: list[tuple[Array, Array]]) -> SolveResult:
-        """Solve from the best of some guesses; what holds there is in `residual_state`.
+        """Solve from the best of some guesses; the result is in `residual_state`.
 
         Args:
-            guesses: Displacement (owned,), m, and free scalars (the same on every rank) of each.
+            guesses: Displacement (owned,), m, and free scalars (equal on every rank) of each.
         """
         starts = [self._start(*guess) for guess in guesses]
         if len(starts) > 1:
@@ -187,10 +188,10 @@ class MechanicalProblem(SliceParts):
         return result
 
     def _approach(self, start: Array) -> int:
-        """Come near the solution with all contacts of the old state kept closed.
+        """Approach the solution with all contacts of the old state kept closed.
 
-        While the material is far from where it will be, contacts that are free to open and close
-        chatter.  Returns the iterations this took; if it leads nowhere, the start stays.
+        While the material is far from its solution, contacts that are free to open and close
+        chatter. Returns the number of iterations; if this fails, the start is unchanged.
         """
         if not self.interactions.hold(True):
             return 0
@@ -203,7 +204,7 @@ class MechanicalProblem(SliceParts):
         return result.iterations
 
     def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
-        """Where there is liquid, and what stands in for its stiffness."""
+        """Points of fed liquid, with the stiffness used there."""
         solid = self.slice.law.elasticity.solidity.weight(temperature) > 0.0
         liquid.begin(solid)
         if self._part.follow(liquid, self.bordered):
@@ -213,7 +214,7 @@ class MechanicalProblem(SliceParts):
         return FedPoints.of(liquid.carries[rows], ~solid[rows], young, self.slice.head(time))
 
     def _start(self, guess: Array, scalars: Array) -> Array:
-        """Local unknowns of a guess."""
+        """Local unknowns from a guess."""
         if self.liquid is not None:
             guess = guess.copy()
             guess[self.liquid.deep] = self._target[self.liquid.deep]
@@ -225,19 +226,19 @@ class MechanicalProblem(SliceParts):
         return self._same(local, None if known is None else known.local)
 
     def _same(self, local: Array, known: Array | None) -> bool:
-        """Whether local unknowns are those that are known, on all ranks (collective).
+        """Whether local unknowns equal the known ones, on all ranks (collective).
 
-        A rank whose own stay may have the planes, or its neighbours' nodes, move.
+        Even if a rank's own are unchanged, the planes or its neighbours' nodes may have moved.
         """
         same = known is not None and np.array_equal(local, known)
         return not reductions.any_of(self.section.comm, not same)
 
     def free_scalars(self, local: Array) -> Array:
-        """Free scalars, on every rank, of the local unknowns."""
+        """Free scalars from the local unknowns, on every rank."""
         return np.asarray(self.bordered.share(local) * self.planes.scaled.scaling)
 
     def _evaluate(self, local: Array) -> ResidualState:
-        """Stress and forces at a set of unknowns."""
+        """Evaluate stress and forces for a set of unknowns."""
         fields, response = self.fields, self.response
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
@@ -265,7 +266,7 @@ class MechanicalProblem(SliceParts):
         return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
 
     def _integrate(self) -> None:
-        """Integrate the law at the displacement and the generalized strains the fields hold."""
+        """Integrate the law for the present displacement and generalized strains."""
         with self.watch.section("kinematics"):
             strain, angle = self.kinematics.increments()
             if self._added is not None:
@@ -274,10 +275,10 @@ class MechanicalProblem(SliceParts):
             self._material.integrate(strain, angle)
 
     def _assemble(self, form: fem.Form, beside: Array | float = 0.0) -> Array:
-        """Assembled linear form and what stands beside it at the local unknowns, ghosts included.
+        """Assemble a linear form and its additional terms at the local unknowns, including ghosts.
 
         Returns:
-            Entries of this rank's own unknowns (valid until the next).
+            Entries of this rank's own unknowns (valid until the next call).
         """
         vector = self._work.x
         vector.array[:] = beside
@@ -286,12 +287,12 @@ class MechanicalProblem(SliceParts):
         return vector.array[: self.owned]
 
     def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        """Forces that are not in equilibrium, N/m."""
+        """Residual forces, N/m."""
         local = x.getArray(readonly=True)
         out.setArray(self._residual(local))
 
     def _residual(self, local: Array) -> Array:
-        """The same for local unknowns; what the line search left behind is not computed again."""
+        """The same for local unknowns; reuses what the line search has evaluated."""
         if not self._known(local):
             self.residual_state = self._evaluate(local)
         assert self.residual_state is not None
@@ -307,16 +308,16 @@ class MechanicalProblem(SliceParts):
         return self.bordered.join(nodal, self.residual_state.balance)
 
     def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool | None:
-        """Scale Newton's correction where a full one would overshoot by far.
+        """Scale Newton's correction if a full one would overshoot far.
 
         Returns:
-            Whether it was scaled; None where it would move the strand beyond `farthest`: the
-            tangent knows nothing of the way there, and what is found from there is no shell.
+            Whether it was scaled; None if it would move the strand beyond `farthest`: the
+            tangent does not hold that far, and a solution found from there would not be a shell.
         """
         local, step = x.getArray(readonly=True), correction.getArray(readonly=True)
         dofs = self.constraints.fixed
         if self.constraints.moving and self._anywhere(local[dofs] - self._target[dofs]):
-            return False  # supports must get to where they belong first
+            return False  # first the supports must reach their prescribed positions
 
         if self.farthest < np.inf:
             far = reductions.largest(self.section.comm, np.abs(step)) / self.scales.length
@@ -329,33 +330,33 @@ class MechanicalProblem(SliceParts):
         return share < 1.0
 
     def _anywhere(self, missing: Array) -> bool:
-        """Whether a support is not yet where it is to be, on any rank (collective)."""
+        """Whether a support has not reached its position yet, on any rank (collective)."""
         return reductions.largest(self.section.comm, np.abs(missing)) > 0.0
 
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
-        """Derivative of the residual at the unknowns integrated last."""
+        """Derivative of the residual at the last integrated unknowns."""
         with self.watch.section("assembly"):
             self.linearise()
 
     def linearise(self) -> None:
-        """Take the consistent tangent at the solution that was found last (collective)."""
+        """Compute the consistent tangent at the last solution (collective)."""
         self._tangent.fill(self.response, self._part.matrix)
         self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
 
     def lifted(self, missing: Array) -> Array:
-        """Forces by which supports move the rest at the solution found last, N/m (collective).
+        """Forces of moving supports on the rest at the last solution, N/m (collective).
 
         Args:
-            missing: How far they move, m, at `Constraints.fixed`.
+            missing: Motion of the supports, m, at `Constraints.fixed`.
         """
         return self._tangent.lifted(self.response, missing).copy()
 
     def solve_linearised(self, rights: Array) -> Array | None:
-        """Local unknowns that the tangent makes of right-hand sides (n, local); None without."""
+        """Solve with the tangent for right-hand sides (n, local); None if that fails."""
         return self.bordered.solve(rights)
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
-        """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""
+        """Residuals of each kind of unknown, relative to their tolerance: see `Criteria`."""
         assert self.residual_state is not None
         residual = f.getArray(readonly=True)
         sizes = self._criteria.sizes(self.residual_state, residual, self.planes.scaled.load)

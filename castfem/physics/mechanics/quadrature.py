@@ -1,7 +1,7 @@
-"""Quadrature points of the slice: those of both rules, and the way from nodal values to them.
+"""Quadrature points of the slice for both rules, and operators from nodal values to them.
 
 All arrays over points hold the deviator's points first, then those of the mean stress; within a
-rule cell after cell.  Only a rank's own cells count.
+rule cell after cell. Only a rank's own cells count.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ class Points:
 
     Attributes:
         deviator: Rule of the stress deviator. mean: Rule of the mean stress.
-        count: Points of both. deviator_points: Points of the first.
-        volume: Area of each point (count,), m2; each rule fills the section by itself, on triangles
-            that of the mean stress with a negative part.
-        position: (count, 2), m.
+        count: Number of points of both. deviator_points: Number of the first.
+        volume: Area of each point (count,), m2; each rule covers the section by itself, that of the
+            mean stress on triangles with a negative weight.
+        position: Positions (count, 2), m.
         linear: Projection of values at the points of the mean stress on each cell.
         strain: Operator (4 count, local degrees of freedom) from displacement to Mandel strain; at
             the points of the mean stress its trace is linear on each cell.
@@ -79,11 +79,11 @@ class Points:
         self._vertex_heights = np.array(places[: section.owned, 1])
 
     def _carrying(self) -> Array:
-        """From the mean stress at its own points of a cell to the deviator's points, (p, q).
+        """Operator from the mean stress at its points of a cell to the deviator's points, (p, q).
 
-        By what is linear in the coordinates of the reference cell, on quadrilaterals with the mixed
-        term: on straight sides that contains all that is linear in x and y, and on curved ones it
-        follows the sides, as stress does.
+        It uses functions linear in the reference coordinates, on quadrilaterals also the mixed
+        term: with straight sides these contain all functions linear in x and y, and with curved
+        ones they follow the sides, like the stress.
         """
         several = 1
         if len(self.mean.points) > 1:
@@ -96,7 +96,7 @@ class Points:
         return np.asarray(terms[0] @ np.linalg.solve(terms[1].T @ weighted, weighted.T))
 
     def _tables(self, expression: object, space: fem.FunctionSpace) -> list[Array]:
-        """A linear expression of a space's functions at the points of each rule.
+        """Tabulate a linear expression of a space's functions at the points of each rule.
 
         Returns:
             (cells, points of a cell x components, degrees of freedom of a cell) each.
@@ -143,7 +143,7 @@ class Points:
         )
 
     def level(self, strain: Array) -> Array:
-        """Make the change of volume linear on each cell: strains (count, 4) are written to."""
+        """Make the change of volume linear on each cell, in place: strains (count, 4)."""
         size = forms.trace(strain[self.deviator_points :].T)
         strain[self.deviator_points :, :3] += ((self.linear(size) - size) / 3.0)[:, None]
         return strain
@@ -154,10 +154,10 @@ class Points:
         return float(self.mean.volume.min(initial=0.0)) >= 0.0
 
     def stiffness_temperature(self, temperature: Array) -> Array:
-        """Temperatures (count,) that moduli are to be taken at, given those of the points.
+        """Temperatures (count,) at which moduli are evaluated, from those of the points.
 
-        Those of the points; where the rule of the mean stress has a negative weight, one for all
-        its points in a cell.
+        Temperatures of the points; if the rule of the mean stress has a negative weight, a single
+        one for all its points in a cell.
         """
         if self.whole:
             return temperature
@@ -172,7 +172,7 @@ class Points:
         """Stress at the deviator's points (n, 4), with the mean stress of its own rule.
 
         Args:
-            stress: At the points of both rules (count, 4).
+            stress: Stress at the points of both rules (count, 4).
         """
         own = self.linear(stress[self.deviator_points :, :3].mean(axis=1)).reshape(
             -1, len(self.mean.points)
@@ -190,7 +190,8 @@ class Points:
     def at_vertices(self, values: Array) -> Array:
         """Mean of values at the deviator's points (deviator_points, ...) around each owned vertex.
 
-        Each point counts by its area and its nearness to the vertex (the vertex' hat function).
+        Each point is weighted with its area and its nearness to the vertex (the vertex' hat
+        function).
         """
         weights, whole = self._around_vertices
         flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
@@ -204,10 +205,10 @@ class Points:
         return np.asarray(displacement.reshape(-1, 2)[self._vertex_nodes])
 
     def moved(self, displacement: Array, generalized_strains: Array) -> Array:
-        """How far the owned vertices have moved (owned, 2), m, by the strain `across` too.
+        """Displacement of the owned vertices (owned, 2), m, including the strain `across`.
 
         Args:
-            displacement: Of all nodes of this rank, m.
+            displacement: Displacement of all nodes of this rank, m.
             generalized_strains: Generalized strains (4,).
         """
         found = self.nodal(displacement)
@@ -217,47 +218,47 @@ class Points:
     def to_vertices(self, density: Array) -> Array:
         """Integral of a density at the deviator's points times each vertex' hat function, (owned,).
 
-        That is how dissipation (J/m3) enters the heat balance of the vertices (J/m).
+        In this form dissipation (J/m3) enters the heat balance of the vertices (J/m).
         """
         return self._summed(self._to_vertices @ (density * self.deviator.volume))
 
     @cached_property
     def _to_vertices(self) -> sparse.csr_matrix:
-        """From values at the deviator's points to their sums by the vertices' hat functions."""
+        """Operator from values at the deviator's points to sums by the vertices' hat functions."""
         return self.vertex[: self.deviator_points].T.tocsr()
 
     def _summed(self, local: Array) -> Array:
-        """Contributions of all ranks to this rank's own vertices."""
+        """Sum the contributions of all ranks at this rank's own vertices."""
         return dof_values.summed(self.section.vertex_space, local)
 
 
 @dataclass(frozen=True, slots=True)
 class ActivePoints:
-    """The points of those cells in which a step has stress, in the order of all points."""
+    """The points of the cells with stress in a step, in the order of all points."""
 
     points: Points  #: all points
-    cells: npt.NDArray[np.int32]  #: the cells, of this rank's own
-    rows: Indices | slice  #: of all points, those of these cells
-    deviator: Indices | slice  #: the same of the deviator's rule alone
-    mean: Indices | slice  #: of that of the mean stress
-    deviator_points: int  #: number of the first
+    cells: npt.NDArray[np.int32]  #: the cells, among this rank's own
+    rows: Indices | slice  #: indices of their points among all points
+    deviator: Indices | slice  #: indices of the deviator's points only
+    mean: Indices | slice  #: indices of the points of the mean stress only
+    deviator_points: int  #: number of the deviator's points
     linear: Linear  #: projection of values at the points of the mean stress
     strain: sparse.csr_matrix  #: operator from the displacement to Mandel strain, see `Points`
-    volume: Array  #: area of each point, see there
+    volume: Array  #: area of each point, see `Points`
 
     @property
     def count(self) -> int:
-        """Points of both rules."""
+        """Number of points of both rules."""
         return int(self.strain.shape[0]) // 4
 
     def rest(self) -> Indices:
-        """Points of the mean stress of all other cells."""
+        """Points of the mean stress in all other cells."""
         others = np.ones(self.points.mean.count, dtype=bool)
         others[self.mean] = False
         return np.flatnonzero(others)
 
     def spread(self, values: Array, elsewhere: Array) -> Array:
-        """Values (count, ...) among those of all points, `elsewhere` (all, ...), a new array."""
+        """Extend values (count, ...) to all points with `elsewhere` (all, ...), in a new array."""
         found = elsewhere.copy()
         found[self.rows] = values
         return found
@@ -267,5 +268,5 @@ class ActivePoints:
         self.points.deviator.fill(deviator, values, self.deviator)
 
     def fill_mean(self, mean: fem.Function, values: Array) -> None:
-        """Set one at the points of the mean stress to `values` (count - deviator_points, ...)."""
+        """Set a function at the points of the mean stress to `values` (mean points, ...)."""
         self.points.mean.fill(mean, values, self.mean)

@@ -1,6 +1,6 @@
 """The two quadrature rules of the slice, and the element of its displacement.
 
-The stress deviator has one rule, the mean stress a poorer one (against locking).  Only a rank's own
+The stress deviator has one rule, the mean stress a lower one (against locking). Only a rank's own
 cells count.
 """
 
@@ -26,21 +26,21 @@ class Integration:
 
     deviator: int = 4  #: for the stress deviator (4: 3 x 3 points, on triangles 6)
     mean: int = 3  #: for the mean stress (3: 2 x 2 points, on triangles the 4 of `STRANG_FIX`)
-    #: whether the mean stress is linear on each cell, or has a value of its own at each of its
-    #: points (to show what that does)
+    #: whether the mean stress is linear on each cell, or independent at each of its points (to
+    #: demonstrate locking)
     linear: bool = True
 
     @classmethod
     def of(cls, cell: str, order: int) -> Integration:
-        """The rules castfem uses on a cell whose geometry is of first or second order."""
+        """Return castfem's rules for a cell with first- or second-order geometry."""
         return cls(4, 2) if cell == "triangle" and order == 2 else cls()
 
 
-# Rule of degree 3 on triangles.  At these points, and no others, the divergence of the bubble is
-# that of its projection to linear functions as long as the sides are straight: the rule integrates
-# the work of a linear mean stress exactly and constrains no more than that does.  The price is a
-# negative weight: moduli must be the same in all four, see `Points.stiffness_temperature`.  Curved
-# triangles take the three points of degree 2, which are not exact but do not lock either.
+# Rule of degree 3 on triangles. Only at these points is the divergence of the bubble that of its
+# projection to linear functions for straight sides: the rule integrates the work of a linear mean
+# stress exactly and adds no constraint. It has a negative weight, so that moduli must be equal at
+# all four points, see `Points.stiffness_temperature`. Curved triangles use the three points of
+# degree 2, which are not exact but do not lock either.
 STRANG_FIX = (
     np.array([[1 / 3, 1 / 3], [1 / 5, 1 / 5], [3 / 5, 1 / 5], [1 / 5, 3 / 5]]),
     np.array([-27 / 96, 25 / 96, 25 / 96, 25 / 96]),
@@ -62,10 +62,10 @@ class Rule:
     """One quadrature rule on all cells of this rank.
 
     Attributes:
-        points: Reference points (k, 2). weights: Of them (k,).
-        measure: Area measure that uses them, for forms on some of the cells.
-        count: Points on this rank's cells. volume: Area that belongs to each (count,), m2.
-        position: Where they are on the undeformed mesh (count, 2), m.
+        points: Reference points (k, 2). weights: Their weights (k,).
+        measure: Area measure with these points, for forms on some of the cells.
+        count: Points on this rank's cells. volume: Area of each (count,), m2.
+        position: Positions on the undeformed mesh (count, 2), m.
     """
 
     def __init__(self, section: Section, degree: int) -> None:
@@ -75,7 +75,7 @@ class Rule:
         if section.cell == "triangle" and degree == 3:
             self.points, self.weights = STRANG_FIX
             rule["quadrature_rule"] = "custom"
-            # As tuples: of arrays the form's signature would see a few digits only.
+            # As tuples: the signature of a form sees only a few digits of arrays.
             rule["quadrature_points"] = tuple(map(tuple, self.points.tolist()))
             rule["quadrature_weights"] = tuple(self.weights.tolist())
         else:
@@ -94,7 +94,7 @@ class Rule:
     def _layout(self) -> npt.NDArray[np.int64] | slice:
         """Degree of freedom of each point.
 
-        DOLFINx promises nowhere that they follow one another, nor in which order: both are checked.
+        DOLFINx does not guarantee that they are consecutive, nor their order: both are checked.
         """
         space = self._space(())
         cells = self._mesh.topology.index_map(2).size_local
@@ -114,7 +114,7 @@ class Rule:
         return fem.functionspace(self._mesh, element)
 
     def function(self, *shape: int) -> fem.Function:
-        """A function with a value of `shape` at each point."""
+        """Return a function with a value of `shape` at each point."""
         return fem.Function(self._space(shape))
 
     def fill(self, function: fem.Function, values: Array, rows: Indices | slice = EVERY) -> None:

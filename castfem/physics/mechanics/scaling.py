@@ -1,4 +1,4 @@
-"""What makes residuals relative: how large forces and stresses are in this slice at this moment."""
+"""Scales of forces and stresses of a slice, for relative residuals."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from castfem.physics.mechanics.quadrature import ActivePoints, Points
 
 @dataclass(frozen=True, slots=True)
 class RoundingLimits:
-    """What of forces and stresses is rounding."""
+    """Limits below which forces and stresses are rounding."""
 
-    digits: float = 8 * np.finfo(float).eps  # of a number, what arithmetic leaves uncertain
-    strain: float = 1e-15  # counts as none
-    most: float = 1e-6  # of the typical stress, what may count as rounding
-    least: float = 1e-200  # of a value, and at all: less is nothing
+    digits: float = 8 * np.finfo(float).eps  # relative rounding of a number
+    strain: float = 1e-15  # strain that counts as zero
+    most: float = 1e-6  # largest rounding, relative to the typical stress
+    least: float = 1e-200  # absolute limit, below which a value is zero
 
 
 LIMITS = RoundingLimits()
 
 
 def over(value: float, allowed: float) -> float:
-    """`value` over what is allowed of it; nothing at all is always allowed."""
+    """`value` over its allowed size; 0 if it is zero."""
     return 0.0 if value == 0.0 else value / max(allowed, LIMITS.least * value, LIMITS.least)
 
 
@@ -35,24 +35,24 @@ def over(value: float, allowed: float) -> float:
 class StressScale:
     """Magnitude of the stress."""
 
-    #: mean stress weighted with itself, Pa: what is met where there is stress at all, however small
-    #: the shell is in its section
+    #: mean stress weighted with itself, Pa: the stress where there is any, however small the shell
+    #: in its section
     typical: float
     total: float  #: int |stress| da, N
-    rounding: float  #: stress that rounding makes, of the displacements and of the old stress, Pa
+    rounding: float  #: rounding of the stress from displacements and old stress, Pa
 
 
 class Scales:
-    """Sizes of a section and of the stress in it.
+    """Scales of a section and of the stress in it.
 
     Args:
         points: Its quadrature points.
         space: Space of the displacement.
 
     Attributes:
-        comm: Ranks.
+        comm: Communicator.
         length: Larger extent of the section, m.
-        area: m2.
+        area: Area, m2.
         force_per_stress: Force per length on each owned degree of freedom per unit of stress
             around it, m.
     """
@@ -72,7 +72,7 @@ class Scales:
         self._finest = np.sqrt(reductions.smallest(self.comm, points.deviator.volume))
 
     def beside(self, active: ActivePoints, pressure: Array) -> Array:
-        """What the pressure (n,), Pa, in other cells adds to the sums of `stress` (2,)."""
+        """Contribution of the pressure (n,), Pa, in other cells to the sums of `stress` (2,)."""
         rest = active.rest() if pressure.size else np.zeros(0, np.int64)
         volume, squares = np.abs(self._points.mean.volume[rest]), 2.0 * pressure[rest] ** 2
         return np.array([volume @ squares, volume @ np.sqrt(squares)])
@@ -87,16 +87,16 @@ class Scales:
         noise: float,
         beside: Array,
     ) -> StressScale:
-        """Size of the stress at the points (collective).
+        """Scale of the stress at the points (collective).
 
         Args:
-            active: Points that have stress.
+            active: Points with stress.
             parts: Stress deviators; mean stress and ferrostatic pressure at the points of their own
                 rule.
-            response: Of the law.
+            response: Response of the law.
             moved: This rank's displacements, m.
-            before: Typical stress at the start of the step, before equilibrium was sought, Pa.
-            noise: Stress that rounding makes elsewhere, at a contact, Pa.
+            before: Typical stress at the start of the step, Pa.
+            noise: Rounding of the stress elsewhere, at a contact, Pa.
             beside: See `beside`.
         """
         deviator, mean, pressure = parts
@@ -111,7 +111,7 @@ class Scales:
         farthest = max(float(moved.max(initial=0.0)), -float(moved.min(initial=0.0)))
         sizes = reductions.largest_of(self.comm, [stiff, farthest])
         typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
-        # Never so much that a displacement which has run away would count as good enough.
+        # Limited, so that a diverged displacement does not count as converged.
         rounding = LIMITS.digits * (float(sizes[0] * sizes[1]) / self._finest + before) + noise
         rounding = min(rounding, LIMITS.most * max(typical, before))
         rounding += LIMITS.strain * float(sizes[0])

@@ -17,23 +17,24 @@ from castfem.physics.mechanics.planes import STRAIGHT, Bending
 
 @dataclass(frozen=True, slots=True)
 class MechanicalState:
-    """The committed state; nothing ever writes into its arrays."""
+    """The committed state; its arrays are never modified."""
 
-    time: float  #: since the meniscus, s
-    displacement: Array  #: of this rank's nodes, ghosts included, x and y by turns, m
+    time: float  #: time since the meniscus, s
+    #: displacement of this rank's nodes, including ghosts, x and y alternating, m
+    displacement: Array
     generalized_strains: Array  #: [a0 - 1, a1, a2, across] (4,)
-    scalars: Array  #: free degrees of freedom of the planes (free,)
+    scalars: Array  #: free scalars of the planes (free,)
     rate: Array  #: d displacement / dt of the owned nodes over the last step, m/s
     scalar_rate: Array  #: d scalars / dt
     unsteadiness: float  #: relative change of the rates over the last step; inf before the first
     temperature: Array  #: at the owned vertices, K
-    #: at the points, Mandel (points, 4), Pa; the mean stress counts at the points of its own rule
-    #: alone, the deviator at those of the other
+    #: at the points, Mandel (points, 4), Pa; only the mean stress counts at the points of its rule,
+    #: only the deviator at the others
     stress: Array
-    internal: Array  #: what the law remembers (points, states)
+    internal: Array  #: state variables of the law (points, states)
     pressure: Array  #: ferrostatic pressure at the points of the mean stress, Pa; empty without one
     interactions: tuple[InteractionState, ...] = ()  #: state of each of the slice's interactions
-    #: by the machine's curvature; all zero in a strand that goes straight down
+    #: bending by the curvature of the machine; all zero for a straight strand
     bending: Bending = STRAIGHT
 
     @property
@@ -43,41 +44,42 @@ class MechanicalState:
 
     @property
     def withdrawal_resistance(self) -> Array:
-        """Axial force of all friction on the strand so far, N, and its moments, N m, (3,)."""
+        """Accumulated axial force of friction on the strand, N, and its moments, N m, (3,)."""
         return sum((one.withdrawal_resistance for one in self.interactions), np.zeros(3))
 
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """Forces of the slice and what is left unbalanced."""
+    """Forces of the slice, and residuals."""
 
-    axial: Array  #: int sigma_zz da (N), and its moments with x and y (N m), (3,): the left of (38)
-    #: largest imbalance along a test direction of the planes, what holds them before there is a
-    #: shell (`plane_equations`) counted in, over the sum of the absolute forces
+    #: int sigma_zz da (N), and its moments with x and y (N m), (3,): left-hand side of (38)
+    axial: Array
+    #: largest residual in a test direction of the planes, including the restraint before there is a
+    #: shell (`plane_equations`), over the sum of the absolute forces
     axial_error: float
-    #: largest imbalance of a free node, over the force of the mean stress there
+    #: largest residual of a free node, relative to the force of the mean stress there
     forces_error: float
-    support: Array  #: sum of the forces of all supports, x and y, N/m
+    support: Array  #: sum of the reactions of all supports, x and y, N/m
 
 
 @dataclass(frozen=True, slots=True)
 class MechanicalResult:
-    """One attempted step, or several that were taken one after another."""
+    """Result of one attempted step, or of several successive ones."""
 
-    #: whether the solver succeeded and what it found can be kept; if not, `state` is the old one
+    #: whether the solver succeeded and the result is accepted; if not, `state` is the old one
     converged: bool
     state: MechanicalState  #: the new state
     newton: int  #: Newton iterations
-    reason: str  #: the solver's word
+    reason: str  #: reason given by the solver
     balance: Balance | None  #: forces of the new state; None if not converged
     dissipation: Array  #: viscoplastic work over the step at the deviator's points, J/m3
-    flowing: float  #: share of the section's area that flows
-    refused: bool = False  #: whether there was equilibrium, in a state that cannot be kept
-    #: whether a load meets no shell that could bear it: no shorter step would
+    flowing: float  #: fraction of the section's area that is yielding
+    refused: bool = False  #: whether equilibrium was found, but in an invalid state
+    #: whether a load meets no shell that could carry it, so that a shorter step would not help
     unborne: bool = False
 
     def before(self, after: MechanicalResult) -> MechanicalResult:
-        """Both, `after` being the later: its state, and the work of both."""
+        """The sum of two results, `after` being the later: its state, and the work of both."""
         return replace(
             after,
             newton=self.newton + after.newton,

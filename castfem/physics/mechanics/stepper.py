@@ -1,4 +1,4 @@
-"""Time stepping of the mechanics: from a committed state to the next, or back to it."""
+"""Time stepping of the mechanics from one committed state to the next."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from castfem.physics.mechanics.validity import NO_SHELL, Validity
 
 
 class MechanicalStepper:
-    """Advances a `MechanicalState` by one step, fully implicitly; keeps no state of its own.
+    """Advances a `MechanicalState` by one step, fully implicitly; has no state of its own.
 
     Args:
         problem: Equilibrium of the section.
-        extrapolate: Start Newton's method where the last step's rates lead.
-        judge: Refuse states that the model cannot speak of, see `mechanics.validity`; without,
-            the equations are solved as they are written, as closed forms want it.
+        extrapolate: Start Newton's method from an extrapolation by the last step's rates.
+        judge: Refuse states outside the model's range, see `mechanics.validity`; otherwise the
+            equations are solved as written, as for closed forms.
     """
 
     def __init__(
@@ -34,14 +34,14 @@ class MechanicalStepper:
         problem.farthest = np.inf
         if judge:
             law, large = problem.slice.law, problem.slice.large_strain
-            # At small strain a slice that flows without hardening comes back from farther.
+            # At small strain a slice flowing without hardening converges from farther away.
             problem.farthest = 1.0 if large else np.inf
             self._validity = Validity(
                 problem.points, problem.fields, law, large, problem.interactions
             )
 
     def initial(self, time: float, temperature: Array) -> MechanicalState:
-        """Undeformed and free of stress at temperatures of the owned vertices (owned,), K."""
+        """Undeformed, stress-free state at temperatures of the owned vertices (owned,), K."""
         problem = self.problem
         points, law = problem.points.count, problem.slice.law
         scalars = np.zeros(problem.free)
@@ -63,7 +63,7 @@ class MechanicalStepper:
         )
 
     def step(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalResult:
-        """Advance `old` to `time` (s) and to `temperature` (owned,), K; `old` is left untouched."""
+        """Advance `old` to `time` (s) and to `temperature` (owned,), K; `old` is unchanged."""
         problem = self.problem
         problem.begin(old, time, temperature)
         if reason := problem.interactions.refusal():
@@ -91,7 +91,7 @@ class MechanicalStepper:
     def _failed(
         self, old: MechanicalState, newton: int, reason: str, time: float, temperature: Array
     ) -> MechanicalResult:
-        """A step that is not kept; its reason says so where there is no shell for the loads."""
+        """Result of a rejected step; the reason names a missing shell for the loads."""
         unborne = ""
         if self._validity is not None:
             loads = loads_at(self.problem.slice.planes, old.bending, time)
@@ -103,7 +103,7 @@ class MechanicalStepper:
         )
 
     def going_on(self, state: MechanicalState, time: float) -> MechanicalState:
-        """`state` moved on to `time` (s) as in its last step; not in equilibrium (collective)."""
+        """`state` extrapolated to `time` (s) by its last rates; not in equilibrium (collective)."""
         problem, dt = self.problem, time - state.time
         offset, directions, _ = problem.slice.planes.at(time)
         scalars = state.scalars + dt * state.scalar_rate
@@ -123,11 +123,11 @@ class MechanicalStepper:
             return [still]
         dt = self.problem.dt
         moved = (still[0] + dt * old.rate, still[1] + dt * old.scalar_rate)
-        # Up to this relative change of the rates they are trusted.
+        # Largest relative change of the rates for which they are trusted.
         return [moved] if old.unsteadiness < 0.3 else [still, moved]
 
     def _state(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalState:
-        """The state that the problem has come to."""
+        """The state of the problem's solution."""
         problem, residual_state = self.problem, self.problem.residual_state
         assert residual_state is not None
         active, response, points = problem.active, problem.response, problem.points.count
@@ -160,12 +160,12 @@ class MechanicalStepper:
         )
 
     def _unsteadiness(self, before: Array, now: Array) -> float:
-        """Change of the displacement's rate over a step, relative."""
+        """Relative change of the displacement rate over a step."""
         change, size = reductions.totals(self.comm, [np.sum((now - before) ** 2), np.sum(now**2)])
         return float(np.sqrt(change / size)) if size > 0.0 else np.inf
 
     def _balance(self) -> Balance:
-        """Forces of the state that the problem has come to."""
+        """Forces in the state of the problem's solution."""
         problem, residual_state = self.problem, self.problem.residual_state
         assert residual_state is not None
         axial = problem.planes.work_on(np.eye(4)[:, :3])

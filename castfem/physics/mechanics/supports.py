@@ -1,4 +1,4 @@
-"""What holds the slice in its plane and what presses on it: supports and surface loads."""
+"""Supports and surface loads of the slice in its plane."""
 
 from __future__ import annotations
 
@@ -24,17 +24,18 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class PrescribedDisplacement:
-    """A component of the displacement prescribed on boundary groups."""
+    """A displacement component prescribed on boundary groups."""
 
-    on: tuple[str, ...]  #: groups; a name covers all that begin with it
+    on: tuple[str, ...]  #: groups; a name matches all groups that begin with it
     component: int  #: 0 for x, 1 for y
-    #: from positions (n, 2), m, and time, s, to displacements (n,), m; None for zero
+    #: function of positions (n, 2), m, and time, s, that returns displacements (n,), m; None for
+    #: zero
     value: Callable[[Array, float], Array] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Traction:
-    """A force per undeformed area on boundary groups: over time, (x, y) in Pa."""
+    """A force per undeformed area on boundary groups: (x, y) in Pa, over time."""
 
     on: tuple[str, ...]
     value: Callable[[float], Place]
@@ -59,8 +60,8 @@ def symmetry_supports(groups: tuple[str, ...]) -> list[PrescribedDisplacement]:
 
 
 # Component and place ("low", "mid" or "high" of the section's extent along x and y) of points that
-# among them hold every motion as a rigid body.  In the middle of faces, where a symmetric load
-# would not move them anyway.
+# together restrain all rigid body motions. In the middle of faces, where symmetric loads do not
+# move them.
 PINS: tuple[tuple[int, tuple[str, str]], ...] = (
     (0, ("mid", "high")),
     (0, ("mid", "low")),
@@ -70,10 +71,10 @@ SPRING = 1e-7  # stiffness of a spring over the largest Young's modulus, see doc
 
 
 class Springs:
-    """Weak springs between points of the slice and where these were at the start of the step.
+    """Weak springs between points of the slice and their positions at the start of the step.
 
     Args:
-        dofs: Degrees of freedom, of those this rank owns (k,).
+        dofs: Degrees of freedom of this rank (k,).
         share: Stiffness over the largest Young's modulus in the section.
 
     """
@@ -83,20 +84,20 @@ class Springs:
         self._old: Array = np.zeros(len(dofs))
 
     def begin(self, old: Array, young: float) -> None:
-        """Prepare a step from displacements `old` (owned, ...), m, of steel of modulus `young`."""
+        """Prepare a step from displacements `old` (owned, ...), m, with Young's modulus `young`."""
         self._old, self._stiffness = old[self.dofs], self.share * young
 
     def force(self, local: Array) -> Array:
-        """What must be out of balance for the springs to hold it (k,), N/m."""
+        """Forces of the springs (k,), N/m."""
         return np.asarray(self._stiffness * (local[self.dofs] - self._old))
 
     def force_change(self, local: Array, young: Array, moved: Array) -> Array:
-        """Change of `force` (k, n), N/m.
+        """Derivative of `force` (k, n), N/m.
 
         Args:
             local: Local unknowns.
-            young: Change of the modulus (n,), Pa.
-            moved: How far the points move beyond where they began (k, n), m.
+            young: Derivative of the modulus (n,), Pa.
+            moved: Derivative of the motion of the points relative to the start (k, n), m.
         """
         drawn = np.outer(local[self.dofs] - self._old, self.share * young)
         return np.asarray(drawn + self._stiffness * moved)
@@ -109,32 +110,32 @@ class Springs:
 
 
 class Constraints:
-    """All that holds a section but a wall.
+    """All supports of a section except a wall.
 
-    Points are held in addition, as few as it takes, where `held` leaves the section a motion as a
-    rigid body.  They carry no force as long as the loads are in equilibrium.  Where a wall is to
-    hold the section the loads are not, and the points get springs instead: these draw each back to
-    where it was at the start of the step, so weakly that they count only where the wall does not.
+    Points are fixed in addition, as few as possible, if `held` leaves the section a rigid body
+    motion. They carry no force while the loads are in equilibrium. If a wall supports the section
+    the loads are not, and the points get springs instead: these pull each back to its position at
+    the start of the step, so weakly that they matter only where the wall does not act.
 
     Args:
         section: The distributed section.
         space: Space of the displacement.
-        held: Conditions on groups.
-        pin: Hold points in addition.
-        springs: Do so by springs of this share of the stiffness; None for rigidly.
-        borne: Places (n, 2), m, whose displacement along directions (n, 2) something else always
-            holds.
+        held: Prescribed displacements on groups.
+        pin: Fix points in addition.
+        springs: Use springs of this relative stiffness instead; None for fixed points.
+        borne: Places (n, 2), m, whose displacement in directions (n, 2) is always restrained by
+            something else.
 
     Attributes:
-        conditions: For DOLFINx' assembly.
-        fixed: Prescribed degrees of freedom that this rank owns (k,). free: 0 at those and at its
-            ghosts that are prescribed, 1 elsewhere (n,).
+        conditions: Boundary conditions for DOLFINx' assembly.
+        fixed: Prescribed degrees of freedom of this rank (k,). free: 0 at those and at prescribed
+            ghosts, 1 elsewhere (n,).
         prescribed: `fixed` and, in a step, those of deep liquid. every: Conditions for both.
-        springs: At points, if the section needs any. dofs: Prescribed or with a spring.
-        moving: Whether any condition is not zero for ever.
+        springs: Springs at points, if the section needs any. dofs: Prescribed or with a spring.
+        moving: Whether any prescribed displacement is ever nonzero.
 
     Raises:
-        InputError: If a group does not exist.
+        InputError: A group does not exist.
     """
 
     def __init__(
@@ -179,12 +180,12 @@ class Constraints:
         self.prescribed, self.every = self.fixed, self.conditions
 
     def hold_too(self, dofs: npt.NDArray[np.int64], condition: fem.DirichletBC) -> None:
-        """Prescribe further degrees of freedom `dofs` of this rank in the steps that follow."""
+        """Prescribe further degrees of freedom `dofs` of this rank from now on."""
         self.prescribed = np.union1d(self.fixed, dofs)
         self.every = [*self.conditions, condition]
 
     def spread(self, component: int) -> float:
-        """How far apart, along that component, the places are where it is held, m (collective)."""
+        """Distance, along a component, of the places where it is prescribed, m (collective)."""
         held = [at[:, component] for _, _, at, one in self._parts if one.component == component]
         places = np.concatenate([np.zeros(0), *held])
         ends = [places.max(initial=-np.inf), -places.min(initial=np.inf)]
@@ -208,14 +209,14 @@ class Constraints:
     def _missing(
         self, section: Section, borne: tuple[Array, Array] | None
     ) -> list[tuple[int, npt.NDArray[np.int32]]]:
-        """Component and local vertex of the points that hold what the conditions leave free."""
+        """Component and local vertex of the points that restrain what the conditions leave free."""
         points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         low = np.array([reductions.smallest(section.comm, v) for v in points.T])
         high = np.array([reductions.largest(section.comm, v) for v in points.T])
         size, found = float((high - low).max()), []
 
         def rigid_motions(component: int, places: Array) -> Array:
-            """What two translations and a rotation are there, (n, 3)."""
+            """Values of two translations and a rotation there, (n, 3)."""
             x, y = ((places - 0.5 * (low + high)) / size).T
             one, none = np.ones_like(x), np.zeros_like(x)
             return np.column_stack([one, none, -y] if component == 0 else [none, one, x])
@@ -226,7 +227,7 @@ class Constraints:
             rows.append(x * rigid_motions(0, borne[0]) + y * rigid_motions(1, borne[0]))
         here = np.linalg.qr(np.concatenate([np.zeros((0, 3)), *rows]), mode="r")
         _, strength, basis = np.linalg.svd(np.concatenate(section.comm.allgather(here)))
-        nothing = 1e-6  # of a motion
+        nothing = 1e-6  # relative to a motion
         basis = basis[: int((strength > nothing * strength.max(initial=0.0)).sum())]
         for component, where in PINS:
             share = np.array([{"low": 0.0, "mid": 0.5, "high": 1.0}[w] for w in where])
@@ -239,7 +240,7 @@ class Constraints:
         return found
 
     def set(self, time: float, target: Array) -> None:
-        """Put the prescribed displacements at `time` (s) into the local array `target`."""
+        """Write the prescribed displacements at `time` (s) to the local array `target`."""
         for value, dofs, positions, held in self._parts:
             if held.value is not None:
                 value.x.array[dofs[1]] = held.value(positions, time)
@@ -253,13 +254,13 @@ def _facets(section: Section, names: tuple[str, ...]) -> npt.NDArray[np.int32]:
 
 
 def _sorted(dofs: list[npt.NDArray[np.int32]], owned: int) -> npt.NDArray[np.int64]:
-    """Those of several lists that are below `owned`, once each."""
+    """Unique values of several lists that are below `owned`."""
     every = np.unique(np.concatenate(dofs)).astype(np.int64)
     return every[every < owned]
 
 
 def _nearest(comm: MPI.Comm, points: Array, goal: Array, size: float) -> Place:
-    """That of the points (n, 2) of all ranks which is nearest to a goal, the same on any number."""
+    """The point (n, 2) of all ranks nearest to a goal, equal for any number of ranks."""
     best = (np.inf, 0.0, 0.0)
     if len(points):
         distance = np.round(np.linalg.norm(points - goal, axis=1) / size, 9)
@@ -270,7 +271,7 @@ def _nearest(comm: MPI.Comm, points: Array, goal: Array, size: float) -> Place:
 
 
 def _vertex_at(section: Section, place: Place, size: float) -> npt.NDArray[np.int32]:
-    """The local vertex at a place of a section of some size, if this rank has it."""
+    """Local vertex at a place of a section of some size, if this rank has it."""
 
     def here(points: Array) -> npt.NDArray[np.bool_]:
         near = np.hypot(points[0] - place[0], points[1] - place[1]) < 1e-9 * size
@@ -281,20 +282,21 @@ def _vertex_at(section: Section, place: Place, size: float) -> npt.NDArray[np.in
 
 @dataclass(frozen=True, slots=True)
 class SurfaceLoads:
-    """Loads on groups and the constants that carry their values."""
+    """Surface loads, and the constants that hold their values."""
 
-    #: tag-restricted measure tags, constant and time history of each traction
+    #: tags of the groups, constant and time history of each traction
     tractions: list[tuple[tuple[int, ...], fem.Constant, Traction]]
-    pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]  #: likewise
+    #: the same for each pressure
+    pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]
     measure: ufl.Measure  #: perimeter measure with the boundary tags
-    #: pressure at the vertices of liquid that is held from outside; None if none is
+    #: pressure at the vertices of liquid that is supported from outside; None if there is none
     liquid: fem.Function | None
 
     @classmethod
     def on(
         cls, section: Section, loads: list[Traction | SurfacePressure], liquid: bool
     ) -> SurfaceLoads:
-        """Prepare the loads; with `liquid` the surface is held where it is liquid."""
+        """Set up the loads; with `liquid` the surface is supported where it is liquid."""
         mesh = section.mesh
         measure = ufl.Measure(
             "ds",
@@ -313,7 +315,7 @@ class SurfaceLoads:
         return found
 
     def set(self, time: float) -> None:
-        """Take up the loads at `time` (s)."""
+        """Set the loads at `time` (s)."""
         for _, constant, traction in self.tractions:
             constant.value[:] = traction.value(time)
         for _, scalar, pressure in self.pressures:

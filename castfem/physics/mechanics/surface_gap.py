@@ -1,13 +1,13 @@
-"""Gap between wall and strand, as the heat that crosses it asks for it.
+"""Gap between wall and strand for heat transfer.
 
-The wall meets the surface at two points of each facet, along which the displacement is of second
-order: a wave that is out at both ends of a facet and in between is zero at its points, and no wall
-feels it.  All along a face that is liquid nothing else resists that wave either, so that the shell
-may freeze in it.  The gap is therefore that of the points, where the wall is met, and at a vertex
-what the line through those of a facet says of its end.
+The wall acts at two points of each facet, along which the displacement is quadratic: a wave that is
+outwards at both ends of a facet and inwards in between is zero at these points, and the wall does
+not resist it. Along a liquid face nothing else does either, so that the shell may freeze in it. The
+gap is therefore that of the points, where the wall acts, extrapolated linearly along each facet to
+its vertices.
 
 A vertex at a sharp corner faces two walls, which may be millimetres apart: heat crosses each of the
-two gaps over its part of the surface, which is not what crosses their mean.
+two gaps over its part of the surface, which differs from the heat across the mean gap.
 """
 
 from __future__ import annotations
@@ -20,24 +20,23 @@ from castfem.fem import dof_values, reductions
 from castfem.physics.contact.wall_contact import WallContact
 from castfem.physics.mechanics.state import MechanicalState
 
-SHARP = 0.5  # cosine of the angle between the facets of a corner that faces two walls, at most
-OFF = 1e-9  # a vertex' hat function at points of facets that are not its own: rounding
+SHARP = 0.5  # largest cosine of the angle between the facets of a corner that faces two walls
+OFF = 1e-9  # rounding: a vertex' hat function at points of facets that are not its own
 
 
 class SurfaceGap:
-    """Gap between wall and strand at the vertices of the surface: what heat transfer asks for.
+    """Gap between wall and strand at the vertices of the surface, for heat transfer.
 
     Args:
-        contact: Of the mechanical problem.
+        contact: Contact of the mechanical problem.
 
     Attributes:
         dofs: Owned vertices on the groups in contact (n,).
         corners: Owned vertices that face two walls (k,).
-        count: Of the gaps that heat crosses: one at each owned vertex, and beyond them the second
-            one of each of the corners.
-        places: Which of these are at the surface in contact (n + k,). second: Of each owned vertex
-            which one is its second, itself but at the corners (owned,). first: Share of the surface
-            of each owned vertex that has its first one (owned,).
+        count: Number of gaps: one at each owned vertex, followed by the second one of each corner.
+        places: Indices of the gaps at the surface in contact (n + k,). second: Index of the second
+            gap of each owned vertex, its own except at corners (owned,). first: Fraction of the
+            surface of each owned vertex with its first gap (owned,).
     """
 
     def __init__(self, contact: WallContact) -> None:
@@ -76,30 +75,30 @@ class SurfaceGap:
     def at(self, state: MechanicalState) -> Array:
         """Distance to the wall along its normal at the vertices `dofs` (n,), m (collective).
 
-        Negative where the strand has penetrated, infinite where there is no wall.  Each facet of a
-        vertex has its own; the vertex has their mean by length.  At a sharp corner that is the mean
-        of the gaps to two walls.
+        Negative where the strand has penetrated, infinite without a wall. Each facet of a vertex
+        has its own gap; that of the vertex is their mean by length. At a sharp corner this is the
+        mean of the gaps to two walls.
 
         Args:
-            state: Has the displacement and the time.
+            state: Gives the displacement and the time.
         """
         contact = self._contact
         position = contact.contact.position(state.time)
         return self.of_points(contact.gap(position, state.displacement, state.generalized_strains))
 
     def of_points(self, gap: Array) -> Array:
-        """The same of the distances at the facets' points (points,), m (collective)."""
+        """The same from the distances at the facets' points (points,), m (collective)."""
         none = np.isinf(gap)
         found = self.spread(np.where(none, 0.0, gap))
         return np.where(self.mean(none.astype(float)) > OFF, np.inf, found)
 
     def spread(self, values: Array) -> Array:
-        """Values at the points (points,) at the vertices `dofs`, by what the facets' lines say."""
+        """Extrapolate values at the points (points,) along the facets to the vertices `dofs`."""
         at_ends = dof_values.summed(self._space, self._ends @ values)
         return at_ends[self.dofs] / self._length[self.dofs]
 
     def sides(self, values: Array) -> Array:
-        """The same as `spread`, at a corner of each of its two sides: at `places` (n + k,)."""
+        """Like `spread`, separately for the two sides of a corner: at `places` (n + k,)."""
         found, ends = self.spread(values), list[Array]()
         for side, length in zip(self._of_sides, self._lengths, strict=True):
             at_ends = dof_values.summed(self._space, self._ends @ (side * values))
@@ -108,7 +107,7 @@ class SurfaceGap:
         return np.concatenate([found, ends[1]])
 
     def across(self, gap: Array) -> Array:
-        """Gaps that heat crosses of the distances at the points (points,), at `places`, m.
+        """Gaps for heat transfer from the distances at the points (points,), at `places`, m.
 
         (Collective.)
         """
@@ -122,12 +121,12 @@ class SurfaceGap:
         return np.where(off, np.inf, found)
 
     def crossed(self, state: MechanicalState) -> Array:
-        """The gaps that heat crosses (count,), m (collective).
+        """The gaps for heat transfer (count,), m (collective).
 
-        0 where the strand touches the wall, and off the groups in contact.
+        0 where the strand touches the wall, and on groups without contact.
 
         Args:
-            state: Has the displacement and the time.
+            state: Gives the displacement and the time.
         """
         found, position = np.zeros(self.count), self._contact.contact.position(state.time)
         gap = self._contact.gap(position, state.displacement, state.generalized_strains)
@@ -135,7 +134,7 @@ class SurfaceGap:
         return found
 
     def shares(self, perimeter: Array) -> Array:
-        """Perimeter of each of these gaps (count,), of that of the owned vertices (owned,), m."""
+        """Perimeter of each gap (count,), from that of the owned vertices (owned,), m."""
         rest = (1.0 - self.first[self.corners]) * perimeter[self.corners]
         return np.concatenate([self.first * perimeter, rest])
 
@@ -143,8 +142,8 @@ class SurfaceGap:
 def _ends(contact: WallContact) -> sparse.csr_matrix:
     """Operator from values at the points to those at the ends of the facets (vertices, points), m.
 
-    Along each facet it takes the line nearest to the values, by least squares, and adds what that
-    is at either end times the length of facet that belongs to this end.
+    Along each facet it takes the least-squares line through the values, and adds its value at
+    either end times the length of facet that belongs to this end.
     """
     facets, hats = contact.facets, contact.at_vertices
     own = hats.multiply(abs(hats) > OFF).tocsr()

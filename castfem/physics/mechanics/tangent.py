@@ -1,4 +1,4 @@
-"""Derivative of the forces in the plane by the displacement, of the cells that are solved for."""
+"""Derivative of the forces in the plane by the displacement, for the active cells."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from castfem.physics.mechanics.supports import Constraints
 class Rest:
     """Forces of the pressure in the cells without stress, constant throughout a step."""
 
-    forces: Array  #: on this rank's nodes, ghosts included, N/m
-    work: Array  #: on each generalized strain (4,), N/m
-    sums: Array  #: what it adds to the sums of `Scales.stress` (2,)
+    forces: Array  #: forces on this rank's nodes, including ghosts, N/m
+    work: Array  #: work on each generalized strain (4,), N/m
+    sums: Array  #: contribution to the sums of `Scales.stress` (2,)
 
 
 class ActivePart:
-    """All cells, until liquid that is fed leaves those out to which no shell reaches.
+    """The active cells: all, except fed liquid where there is no shell.
 
-    Whole layers of cells are left out, so that the equations seldom change.
+    Whole layers of cells are left out, so that the equations rarely change.
 
     Args:
-        kinematics: Of the section; told which cells have stress.
-        space: Of the displacement.
+        kinematics: Kinematics of the section; receives the cells with stress.
+        space: Space of the displacement.
         scales: Sizes of the slice.
 
     Attributes:
-        matrix: Gets the derivative of the forces in the plane.
+        matrix: Receives the derivative of the forces in the plane.
     """
 
     def __init__(self, kinematics: Kinematics, space: fem.FunctionSpace, scales: Scales) -> None:
@@ -58,18 +58,18 @@ class ActivePart:
             self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
 
     def follow(self, liquid: FedLiquid, bordered: BorderedSystem) -> bool:
-        """Let the cells down to the innermost that has some shell make up the equations.
+        """Activate the cells down to the innermost with some shell.
 
-        All others are deep liquid: none of their nodes moves in the step, and their pressure is
-        known.  At large strain what they do depends on the motion, and all cells stay.
+        All others are deep liquid: their nodes are fixed in the step, and their pressure is known.
+        At large strain their contribution depends on the motion, and all cells are active.
 
         Returns:
-            Whether the cells are others than before (collective).
+            Whether the cells have changed (collective).
         """
         if not self._kinematics.constant or liquid.layer == self._layer:
             return False
         cells = liquid.cells_to(liquid.layer)
-        if self._layer < 0:  # all that may ever be there gets its place
+        if self._layer < 0:  # allocates all entries that may ever occur
             assemble_into(self._whole, self._kinematics.forms.stiffness, [])
         self._kinematics.act_on(cells)
         before = self.matrix
@@ -82,11 +82,11 @@ class ActivePart:
         return True
 
     def rest(self, planes: PlaneEquations, pressure: Array) -> Rest:
-        """What the pressure of the other cells does in a step (collective).
+        """Contribution of the pressure of the other cells in a step (collective).
 
         Args:
-            planes: Find its work on the generalized strains.
-            pressure: At all points of the mean stress, Pa; none without ferrostatic pressure.
+            planes: Compute its work on the generalized strains.
+            pressure: At all points of the mean stress, Pa; empty without ferrostatic pressure.
         """
         if self._kinematics.rest is None:
             return Rest(self._nothing, np.zeros(4), np.zeros(2))
@@ -104,24 +104,24 @@ class ActivePart:
 
 @dataclass(frozen=True, slots=True)
 class Tangent:
-    """Stiffness of the active cells, of what acts on their surface and of what holds them."""
+    """Stiffness of the active cells, of interactions with their surface and of supports."""
 
-    #: forms, and the stiffness against change of volume that stands beside them
+    #: forms, and the additional stiffness against change of volume
     kinematics: Kinematics
-    fields: Fields  #: what the forms see
+    fields: Fields  #: functions in the forms
     constraints: Constraints  #: supports
-    work: fem.Function  #: a displacement to compute with; nothing in it is kept
+    work: fem.Function  #: work space
 
     def _take(self, response: Response) -> None:
-        """Hand the tangent of the law to the forms, the bulk modulus to what stands beside them."""
+        """Set the tangent of the law in the forms, the bulk modulus in the other stiffness."""
         bulk = self.fields.take_tangent(self.kinematics.active, response)
         self.kinematics.volume.take(bulk)
 
     def fill(self, response: Response, matrix: PETSc.Mat) -> None:
-        """Assemble the tangent at the displacement in the fields (collective).
+        """Assemble the tangent at the present displacement (collective).
 
         Args:
-            response: Response of the law there, at the active points.
+            response: Response of the law at the active points.
             matrix: Output, N/m2.
         """
         self._take(response)
@@ -131,14 +131,14 @@ class Tangent:
             self.constraints.springs.add_to(matrix)
 
     def lifted(self, response: Response, missing: Array) -> Array:
-        """Forces by which supports, on their way to where they belong, move the rest (collective).
+        """Forces of supports moving to their prescribed positions on the rest (collective).
 
         Args:
-            response: Of the law, at the active points.
-            missing: How far they still have to go, m, at `Constraints.fixed`.
+            response: Response of the law at the active points.
+            missing: Their remaining motion, m, at `Constraints.fixed`.
 
         Returns:
-            At this rank's own unknowns, N/m (valid until the next).
+            At this rank's own unknowns, N/m (valid until the next call).
         """
         vector, form = self.work.x, self.kinematics.forms.stiffness
         self._take(response)

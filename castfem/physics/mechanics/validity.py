@@ -1,10 +1,10 @@
-"""Which mechanical states are kept: those the model can speak of.
+"""Checks of mechanical states against the range of validity of the model.
 
-Newton's method finds equilibrium of the equations as they are written, wherever that is: a slice of
-negative thickness, a shell that has turned over, a bulge as large as the strand are solutions like
-any other.  So each state is judged before it is accepted.  What is coherent solid is judged
-strictly; the liquid has a stand-in without stiffness that may distort, and is judged only for what
-would make the rest meaningless.  docs/mechanics.md has the limits and their reasons.
+Newton's method finds any equilibrium of the equations: a slice of negative thickness, a shell
+turned over, or a bulge as large as the strand are solutions, too. So each state is checked before
+it is accepted. Coherent solid is checked strictly; liquid has an artificial small stiffness and may
+distort, and is checked only for what would make the rest meaningless. docs/mechanics.md has the
+limits and their reasons.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -34,26 +34,26 @@ if TYPE_CHECKING:
 
 
 LOOK = "look at loads, supports, mould and cooling"
-NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
+NO_SHELL = "there is no shell yet that could carry a load: let that begin later, or leave it out"
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Range in which a description of strain is valid."""
+    """Range of validity of a strain measure."""
 
-    name: str  #: what messages call it
-    strain: float  #: what solid may have borne since it froze
+    name: str  #: its name in messages
+    strain: float  #: largest strain of solid since it froze
     #: smallest and largest thickness e (37) of the slice, over the undeformed one
     thickness: tuple[float, float]
-    #: difference of the displacements of two points along x or y, over the section's extent
+    #: difference of the displacements of two points along x or y, relative to the section's extent
     size: float
-    rotation: float  #: of the solid, rad
-    mend: str  #: what to do beyond
-    folded: float = 0.1  #: what is left of the area of a cell that counts as folded
+    rotation: float  #: rotation of the solid, rad
+    mend: str  #: advice if a limit is exceeded
+    folded: float = 0.1  #: relative area of a cell below which it counts as folded
     #: elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
     compressed: float = 0.02
-    fresh: float = 50.0  #: below the solidus, K: what is warmer has just frozen
-    scant: float = 0.01  #: of the section: solid that is no shell yet, were it spread all round
+    fresh: float = 50.0  #: below the solidus, K: warmer steel has just frozen
+    scant: float = 0.01  #: relative area of the section below which the solid is no shell yet
 
 
 SMALL = Limits(
@@ -64,26 +64,26 @@ LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), 0.3, np.inf, LOOK)
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One thing that a state is judged by."""
+    """A criterion for a state."""
 
-    values: Array  #: on this rank (n,); the larger, the worse
-    places: Array  #: where (n, 2), m
-    limit: float  #: of the values
-    message: str  #: what to say beyond it, of the value and of its opposite
-    loaded: bool = False  #: whether a load from outside makes it large where there is no shell yet
-    #: finds what else to say beyond the limit (collective); None for nothing
+    values: Array  #: values on this rank (n,); larger is worse
+    places: Array  #: their places (n, 2), m
+    limit: float  #: limit of the values
+    message: str  #: message, with placeholders for the value and its negative
+    loaded: bool = False  #: whether an external load makes it large where there is no shell yet
+    #: returns an addition to the message (collective); None for none
     more: Callable[[], str] | None = None
 
 
 class Validity:
-    """Judges the states of one section.
+    """Checks the states of one section.
 
     Args:
         points: Its quadrature points.
-        fields: Displacement and generalized strains as the forms see them.
-        law: Of the material.
+        fields: Displacement and generalized strains in the forms.
+        law: Constitutive law.
         large: Whether strain is large.
-        interactions: What acts on the surface.
+        interactions: Interactions with the surface.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Validity:
         self._interactions = interactions
         self._limits = LARGE if large else SMALL
         if not (large or law.elasticity.solidity.memory):
-            # Fed liquid turns, as a corner fills, before it freezes; that counts in, too.
+            # Fed liquid turns before it freezes, as a corner fills; this is included, too.
             self._limits = replace(SMALL, rotation=0.6)
         self._comm = points.section.comm
         mesh = points.section.mesh
@@ -103,15 +103,15 @@ class Validity:
         self._now = Tabulation(mesh, seen, points.deviator.points)
 
     def unborne(self, loads: Mapping[str, float], temperature: Array) -> str:
-        """Why no shorter step will bear a load either, empty if one may (collective).
+        """Reason why no shorter step would carry a load either; "" if one may (collective).
 
-        Where hardly anything is solid, as far as elasticity alone would let it strain: a shorter
-        step has still less that is solid, and what flows strains farther.
+        Applies where hardly anything is solid, and elasticity alone would strain it too far: in a
+        shorter step even less is solid, and flow strains it further.
 
         Args:
-            loads: Names of the loads from outside at the end of a step that failed, and what they
-                are: "force" (N), "moment_x", "moment_y" (N m).
-            temperature: At the points then (count,), K.
+            loads: External loads at the end of a failed step by name: "force" (N), "moment_x",
+                "moment_y" (N m).
+            temperature: Temperatures at the points then (count,), K.
         """
         if not loads:
             return ""
@@ -133,11 +133,11 @@ class Validity:
         return ""
 
     def refusal(self, state: MechanicalState, temperature: Array) -> str:
-        """Why a newly found state cannot be kept, empty if it can (collective).
+        """Reason why a new state is not accepted; "" if it is (collective).
 
         Args:
-            state: Whose displacement the fields hold.
-            temperature: At the points (count,), K.
+            state: State with the present displacement of the fields.
+            temperature: Temperatures at the points (count,), K.
         """
         solid = temperature <= self._law.elasticity.solidity.solidus
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -155,7 +155,7 @@ class Validity:
         return ""
 
     def _judged(self, state: MechanicalState, temperature: Array, coherent: Flags) -> list[Judged]:
-        """All that a state is judged by, what depends on nothing else first (collective)."""
+        """All criteria for a state, independent ones first (collective)."""
         limits, place = self._limits, self._points.deviator.position
         now = self._now.values().reshape(len(place), 7)
         f, thickness, moved = now[:, :4], now[:, 4], now[:, 5:] - place
@@ -170,7 +170,7 @@ class Validity:
             Judged(thickness, place, thickest, message.format(0, "most", thickest), True),
             Judged(-area[solid], place[solid], -limits.folded, "the shell folds"),
         ]
-        if self._large:  # its equations are written on the slice as it is
+        if self._large:  # its equations are written on the deformed slice
             found.append(Judged(-area, place, 0.0, "the liquid folds"))
         else:
             message = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
@@ -189,10 +189,10 @@ class Validity:
         return found + self._pressed(state)
 
     def _fresh(self, turned: Array, temperature: Array) -> str:
-        """What to add where steel that has just frozen is turned, not the shell (collective).
+        """Additional text if steel that has just frozen is turned, not the shell (collective).
 
-        Its cells have turned while they were liquid, whose stand-in follows the shell without
-        stiffness, and have kept that as they froze.
+        Its cells have turned while liquid, which follows the shell without stiffness, and have kept
+        that on freezing.
         """
         fresh = self._limits.fresh
         set_ = temperature <= self._law.elasticity.solidity.solidus - fresh
@@ -218,7 +218,7 @@ class Validity:
         return [Judged(*one, limit, message) for one in found if one is not None]
 
     def _bulges(self, place: Array, moved: Array) -> list[Judged]:
-        """How far points of the shell, or of all that is, move apart, over the section's size.
+        """Relative displacement of points of the shell, or of the whole section, over its size.
 
         (Collective.)
         """
@@ -232,10 +232,11 @@ class Validity:
     def _borne(
         self, state: MechanicalState, temperature: Array, solid: Flags, distorted: Array | float
     ) -> Array:
-        """Strain that the solid deviator's points have borne since they froze.
+        """Strain of the solid deviator's points since they froze.
 
-        Hardening that accumulates grows under loads that reverse, while the shell is strained no
-        more than it is `distorted` now; that holds more, where it froze distorted.
+        Accumulated strain grows under reversing loads although the shell is only strained by
+        `distorted` at present: the smaller of the two counts, which is the former for a shell that
+        froze distorted.
         """
         shear = self._law.elasticity.moduli(temperature[: len(solid)][solid])[0]
         elastic = equivalent_stress(state.stress[: len(solid)][solid]) / (3.0 * shear)
@@ -243,7 +244,7 @@ class Validity:
         return np.asarray(elastic + np.minimum(path, distorted))
 
     def _squeezed(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
-        """Elastic strain along each axis of the mean stress, at solid points of its rule."""
+        """Elastic strain along each axis from the mean stress, at solid points of its rule."""
         deviator_points = self._points.deviator_points
         bulk = self._law.elasticity.moduli(temperature[deviator_points:][solid])[1]
         mean = state.stress[deviator_points:, :3][solid].mean(axis=1)
@@ -251,7 +252,7 @@ class Validity:
 
 
 def _distortion(gradient: Array, thickness: Array) -> Array:
-    """Equivalent strain (n,), less its mean, of gradients (n, 4) and thicknesses (n,)."""
+    """Equivalent strain (n,) without its mean, from gradients (n, 4) and thicknesses (n,)."""
     xx, yy, zz = gradient[:, 0] - 1.0, gradient[:, 3] - 1.0, thickness - 1.0
     shear, mean = 0.5 * (gradient[:, 1] + gradient[:, 2]), (xx + yy + zz) / 3.0
     square = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2.0 * shear**2

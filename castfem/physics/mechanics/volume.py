@@ -1,12 +1,12 @@
 """Change of volume and mean stress, linear in x and y on each cell.
 
-With a value of its own at each of the four points of a quadrilateral the mean stress has one mode a
-cell too many: the fourth, what is left of four values without their linear part, hardly feels the
-displacements around it, and the less the finer the mesh (docs/mechanics.md).  So both change of
-volume and mean stress are projected on 1, x and y on each cell (Boffi, Brezzi and Fortin: Mixed
-Finite Element Methods and Applications, 2013, 8.6.3), by least squares in the rule of the mean
-stress.  The projection is its own adjoint there: with it on the strain that the law sees and on the
-stress that works, the tangent is symmetric if the law's is.
+With independent values at the four points of a quadrilateral the mean stress has one mode per cell
+too many: the fourth, which remains of four values without their linear part, is hardly coupled to
+the displacements, and less so on finer meshes (docs/mechanics.md). So change of volume and mean
+stress are both projected on 1, x and y on each cell (Boffi, Brezzi and Fortin: Mixed Finite Element
+Methods and Applications, 2013, 8.6.3), by least squares in the rule of the mean stress. The
+projection is self-adjoint: applied to the strain for the law and to the stress in the work, it
+keeps the tangent symmetric if that of the law is.
 """
 
 from __future__ import annotations
@@ -30,24 +30,25 @@ CENTRES = {"quadrilateral": (1 / 2, 1 / 2), "triangle": (1 / 3, 1 / 3)}
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """Functions linear in x and y on each cell, found from values at the points of the mean stress.
+    """Functions linear in x and y on each cell, from values at the points of the mean stress.
 
-    In x and y, not in the coordinates of the reference cell: those lose an order on cells that are
-    no parallelograms (Arnold, Boffi and Falk, Math. Comp. 71 (2002) 909).
+    Linear in x and y, not in the reference coordinates: those lose an order on cells that are not
+    parallelograms (Arnold, Boffi and Falk, Math. Comp. 71 (2002) 909).
     """
 
-    values: Array  #: of the functions that span `__call__`'s, at the points (cells, q, terms)
-    terms: Array  #: from values at the points to factors of those functions (cells, terms, q)
-    applied: bool  #: whether `__call__` projects, or leaves a value of its own to each point
+    values: Array  #: basis functions of the projection at the points (cells, q, terms)
+    #: operator from values at the points to factors of the basis functions (cells, terms, q)
+    terms: Array
+    applied: bool  #: whether `__call__` projects, or leaves the values unchanged
 
     @classmethod
     def at(cls, section: Section, weights: Array, places: Array, applied: bool) -> Linear:
-        """Those of a section.
+        """Return the projection on a section.
 
         Args:
             section: The distributed section.
             weights: Area of the points of the mean stress (cells, q), m2.
-            places: Of them (cells, q, 2), m.
+            places: Their positions (cells, q, 2), m.
             applied: See `Linear`.
         """
         mesh, at_centre = section.mesh, np.array([CENTRES[section.cell]])
@@ -55,8 +56,8 @@ class Linear:
             Tabulation(mesh, expression, at_centre).values().reshape(-1, *expression.ufl_shape)
             for expression in (ufl.SpatialCoordinate(mesh), ufl.Jacobian(mesh))
         )
-        # In the coordinates of the parallelogram that the cell is in its middle, the numbers are of
-        # order one however thin it is; what they span is the same.
+        # In the coordinates of the parallelogram at the cell's centre the numbers are of order one,
+        # however thin the cell; the space is the same.
         to_local = np.linalg.inv(scale).transpose(0, 2, 1)
         count = weights.shape[1]
         if not applied:
@@ -69,13 +70,13 @@ class Linear:
         return cls(values, terms, True)
 
     def on(self, cells: Indices) -> Linear:
-        """The same on some of the cells."""
+        """The projection on some of the cells."""
         if len(cells) == len(self.values):
             return self
         return Linear(self.values[cells], self.terms[cells], self.applied)
 
     def __call__(self, values: Array) -> Array:
-        """The linear part of values at the points of the mean stress (n,), there."""
+        """Linear part of values at the points of the mean stress (n,), at the same points."""
         if not self.applied:
             return values
         by_cell = values.reshape(*self.values.shape[:2], 1)
@@ -88,17 +89,17 @@ Rates = Callable[[], tuple[Array, Array]]
 class VolumeStiffness:
     """Int K dV(u) dV(v) da with changes of volume dV that are linear on each cell, cell by cell.
 
-    Products of integrals over a cell, which UFL has no word for.  What is integrated comes from the
-    forms: the change of volume per unit of each motion, that is of the displacements of the cell's
-    nodes and of the four generalized strains.
+    These are products of integrals over a cell, which UFL cannot express. The integrands come from
+    the forms: the change of volume per unit of each motion, that is of the displacements of the
+    cell's nodes and of the four generalized strains.
 
     Args:
         space: Space of the displacement.
         linear: Projection.
         weights: Area of the points of the mean stress (cells, q), m2.
-        rates: Change of volume per unit of each motion, as the law sees it and as the stress works
-            on it (per undeformed area), (cells, q, unknowns of a cell + 4) each.
-        constant: Whether it always returns the same.
+        rates: Change of volume per unit of each motion, for the law and for the work of the stress
+            (per undeformed area), (cells, q, unknowns of a cell + 4) each.
+        constant: Whether the rates are constant.
     """
 
     def __init__(
@@ -118,7 +119,7 @@ class VolumeStiffness:
         self.on(np.arange(count))
 
     def on(self, cells: Indices) -> None:
-        """From now on act on some of the cells alone; the matrix may be another from now on."""
+        """Act only on some of the cells from now on; the matrix may differ from now on."""
         self._cells = slice(None) if len(cells) == len(self._dofs_of) else cells
         self._linear = self._every.on(cells)
         self._blocks, self._dofs = self._nodes_of[self._cells], self._dofs_of[self._cells]
@@ -128,26 +129,26 @@ class VolumeStiffness:
         self.destroy()
 
     def begin(self) -> None:
-        """A new step: the bulk modulus, which flow leaves alone, is another."""
+        """Begin a step, with a new bulk modulus (flow does not change it)."""
         self._taken = False
 
     def take(self, bulk: Array) -> None:
-        """Take up the bulk modulus at the points of the mean stress (n,) and the motion there is.
+        """Set the bulk modulus at the points of the mean stress (n,), and evaluate the rates.
 
         Args:
-            bulk: d mean stress / d change of volume, Pa; the same throughout a step. Of the cells
-                this acts on.
+            bulk: d mean stress / d change of volume, Pa, of the active cells; constant throughout a
+                step.
         """
         if self._taken and self._constant:
             return
         if self._known is None or not self._constant:
-            # A rank without cells tabulates nothing at all.
+            # A rank without cells does not tabulate.
             change, work = (rates.reshape(self._shape) for rates in self._rates())
             self._known = self._every.terms @ change, self._weighted @ work
             self._change, self._work = (one[self._cells] for one in self._known)
         self._taken, self._inserted = True, False
         by_point = bulk.reshape(*self._linear.values.shape[:2], 1)
-        # From factors of the change of volume to those of the mean stress.
+        # Operator from factors of the change of volume to those of the mean stress.
         self._answer = self._linear.terms @ (by_point * self._linear.values)
 
     @property
@@ -157,8 +158,8 @@ class VolumeStiffness:
     def add_to(self, matrix: PETSc.Mat, free: Array) -> None:
         """Add to an assembled matrix of the displacements (collective).
 
-        Where it is the same throughout a step it is kept in a matrix of its own: to add that is a
-        tenth of the work of inserting it cell by cell.
+        If it is constant throughout a step it is stored in a matrix: adding that takes a tenth of
+        the time of inserting it cell by cell.
 
         Args:
             matrix: The same until the next `on`; its pattern couples all unknowns of a cell.
@@ -196,13 +197,13 @@ class VolumeStiffness:
             self._matrix = None
 
     def forces(self, moved: Array) -> Array:
-        """Forces on the local unknowns (n,) as they move by `moved` (n,)."""
+        """Forces on the local unknowns (n,) for their motion `moved` (n,)."""
         return self._nodal(
             self._answer @ (self._change[:, :, self._nodes] @ moved[self._dofs][:, :, None])
         )
 
     def column(self, change: Array) -> Array:
-        """Forces on the local unknowns (n,) as the generalized strains change by `change` (4,)."""
+        """Forces on the local unknowns (n,) for a change of the generalized strains (4,)."""
         return self._nodal(self._answer @ self._along(self._change, change))
 
     def row(self, virtual: Array) -> Array:
@@ -220,7 +221,7 @@ class VolumeStiffness:
         return rates[:, :, self._nodes.stop :] @ change[:, None]
 
     def _nodal(self, stress: Array) -> Array:
-        """Forces of factors of the mean stress (cells, terms, 1)."""
+        """Forces from factors of the mean stress (cells, terms, 1)."""
         work = self._work[:, :, self._nodes].transpose(0, 2, 1)
         return self._scattered((work @ stress)[:, :, 0])
 

@@ -1,4 +1,4 @@
-"""Rigid moulds: contours of segments, taper along the mould, and the gap to them; numpy only.
+"""Rigid moulds: wall contours, taper along the mould, and the gap to them; numpy only.
 
 Lengths in m, tapers in 1/m (1 %/m is 0.01), temperatures in K.
 

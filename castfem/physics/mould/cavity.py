@@ -1,4 +1,4 @@
-"""The cavity of a mould: its section from the sizes that the taper leaves of it.
+"""The cavity of a mould: its section at each position, from sizes and tapers.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -21,25 +21,25 @@ from castfem.physics.mould.taper import TaperProfile
 class Tapers:
     """The profiles of the cavity's dimensions along the mould."""
 
-    width: TaperProfile  #: of the width at the middle of the narrow faces; of a round, the diameter
-    height: TaperProfile  #: of the height at the middle of the wide faces
-    #: of the section at its corners; None where the faces stay plane
+    width: TaperProfile  #: width at the middle of the narrow faces; for a round, the diameter
+    height: TaperProfile  #: height at the middle of the wide faces
+    #: section at its corners; None if the faces stay plane
     corner: TaperProfile | None = None
 
     @property
     def profiles(self) -> tuple[TaperProfile, ...]:
-        """All that are given."""
+        """All given profiles."""
         return tuple(c for c in (self.width, self.height, self.corner) if c is not None)
 
     def of(self, dimension: str) -> tuple[TaperProfile, ...]:
-        """Return those a dimension of the cavity depends on."""
+        """Return the profiles that a dimension of the cavity depends on."""
         if dimension == "diagonal":
             return (self.width, self.height) if self.corner is None else (self.corner,)
         return (self.height,) if dimension == "height" else (self.width,)
 
 
 def same(profile: TaperProfile) -> Tapers:
-    """Return one profile for the whole perimeter."""
+    """Return the same profile for the whole perimeter."""
     return Tapers(profile, profile)
 
 
@@ -50,10 +50,10 @@ class Cavity(Protocol):
         """Return the wall at a position below the meniscus, all lengths multiplied by `scale`."""
 
     def dimensions(self, tapers: Tapers, position: float, scale: float) -> dict[str, float]:
-        """Return the linear dimensions that (300) is applied to, by name, m."""
+        """Return the linear dimensions used in (300), by name, m."""
 
     def marks(self, tapers: Tapers, position: float, scale: float) -> dict[str, float]:
-        """Return the distance from the centre of a few points of the wall, by name, m."""
+        """Return the distances of some points of the wall from the centre, by name, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +67,11 @@ class Sides:
 
 @dataclass(frozen=True, slots=True)
 class RectangleCavity:
-    """A rectangle whose faces are plane or, with a taper of its own at the corner, parabolas."""
+    """A rectangle whose faces are plane or, if the corner has its own taper, parabolas."""
 
     width: float  #: width (x) at the meniscus, m
     height: float  #: height (y) at the meniscus, m
-    #: radius of the corners there, 0 for sharp ones, m; it goes with the corner's taper
+    #: corner radius there, 0 for sharp corners, m; it follows the taper of the corner
     radius: float = 0.0
 
     def sides(self, tapers: Tapers, position: float, scale: float) -> Sides:
@@ -122,7 +122,7 @@ class RectangleCavity:
 
 
 def _diagonal(sides: Sides) -> float:
-    """Return half the diagonal, over the rounded corners, m."""
+    """Return half the diagonal, measured to the rounded corner, m."""
     return math.hypot(*(end - sides.radius for end in sides.ends)) + sides.radius
 
 
@@ -130,7 +130,7 @@ def _diagonal(sides: Sides) -> float:
 class RoundCavity:
     """A circle."""
 
-    diameter: float  #: at the meniscus, m
+    diameter: float  #: diameter at the meniscus, m
 
     def _radius(self, tapers: Tapers, position: float, scale: float) -> float:
         radius = scale * tapers.width.half(position, 0.5 * self.diameter)
@@ -155,10 +155,10 @@ class RoundCavity:
 class FreeCavity:
     """A section of any doubly symmetric shape; the taper of its width scales it as a whole."""
 
-    #: its segments from (a, 0) to (0, c), counter-clockwise, at the meniscus
+    #: segments from (a, 0) to (0, c), counter-clockwise, at the meniscus
     quarter: tuple[Segment, ...]
-    width: float  #: its width over all, m
-    height: float  #: its height over all, m
+    width: float  #: overall width, m
+    height: float  #: overall height, m
 
     def _scale(self, tapers: Tapers, position: float, scale: float) -> float:
         found = scale * tapers.width.half(position, 0.5 * self.width) / (0.5 * self.width)
@@ -171,7 +171,7 @@ class FreeCavity:
         return Contour(mirrored(self.quarter, self._scale(tapers, position, scale)))
 
     def dimensions(self, tapers: Tapers, position: float, scale: float) -> dict[str, float]:
-        """Return width and height over all; see `Cavity`."""
+        """Return overall width and height; see `Cavity`."""
         factor = self._scale(tapers, position, scale)
         return {"width": factor * self.width, "height": factor * self.height}
 
@@ -183,13 +183,13 @@ class FreeCavity:
 def rectangle(sides: Sides) -> Contour:
     """Return the closed contour of a rectangle with straight or parabolic faces.
 
-    Behind the corners the faces go on straight, so that a point which the taper has left beyond
-    the neighbouring face still knows its own.
+    Behind the corners the faces continue straight, so that a point beyond the neighbouring face
+    still finds its own face.
     """
     (a, b), (p, q), r = sides.middle, sides.ends, sides.radius
     segments: list[Segment] = []
     behind: list[Segment] = []
-    # Each face with the corner that follows it, turned by quarter turns from the right-hand one.
+    # Each face with the following corner, rotated by quarter turns from the right-hand one.
     for turn, (middle, end, reach) in enumerate(((a, p, q), (b, q, p)) * 2):
         low, high = (end, r - reach), (end, reach - r)
         bulged = abs(middle - end) > EXACT * end
@@ -212,7 +212,7 @@ def circle(radius: float) -> Contour:
 
 
 def _turned(point: Point, quarters: int) -> Point:
-    """Return a point turned about the origin by quarter turns, exactly."""
+    """Return a point rotated about the origin by quarter turns, exactly."""
     x, y = point
     for _ in range(quarters % 4):
         x, y = -y, x

@@ -1,4 +1,4 @@
-"""A contour of segments and where a strand's surface meets it."""
+"""A contour of segments, and its intersections with rays from the strand's surface."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _Group = Straights | Circulars | Parabolics
 
 
 class Contour:
-    """A wall in one plane: segments counter-clockwise round the cavity.
+    """A wall in one plane: segments counter-clockwise around the cavity.
 
-    Of several crossings of one ray the nearest counts, on either side of the point.
+    Of several intersections of a ray the nearest counts, on either side of the point.
 
     Args:
         segments: The wall.
-        prolonged: How the faces go on behind it, for points that have left the cavity past a
-            corner; these count only for rays that meet none of the segments.
+        prolonged: Straight continuations of the faces, for points that have left the cavity past a
+            corner; used only by rays that meet no segment.
 
     Attributes:
         segments: As given.
@@ -44,7 +44,7 @@ class Contour:
         self.segments = tuple(segments)
         self.prolonged = tuple(prolonged)
         ends = np.array([p for s in self.segments for p in (s.start, s.end)])
-        # By so much segments overlap at their joints.
+        # Overlap of the segments at their joints.
         self._slack = ROUNDING * float(np.abs(ends).max())
         self._groups = _gathered(self.segments)
         self._behind = _gathered(self.prolonged)
@@ -68,8 +68,8 @@ class Contour:
         return np.concatenate(parts)
 
     def _nearest(self, groups: Sequence[_Group], p: Array, m: Array) -> Crossing:
-        """Return the crossing (n,) of least distance among all segments of the groups."""
-        with np.errstate(invalid="ignore", over="ignore"):  # of points that are not finite
+        """Return the nearest crossing (n,) among all segments of the groups."""
+        with np.errstate(invalid="ignore", over="ignore"):  # for points that are not finite
             crossings = [group.cross(p, m, self._slack) for group in groups]
         d, nx, ny, curvature = (
             np.concatenate(parts) if len(parts) > 1 else parts[0]

@@ -1,6 +1,6 @@
-"""A mould whose wall stands displaced from the cavity of its sizes and taper, all round and along.
+"""A mould whose wall is displaced from the cavity of its sizes and taper, all round and along.
 
-By heat, where the cavity is the cold one; or by design, where no taper says what is wanted.
+Displaced by heat, if the cavity is the cold one; or by design, for walls that no taper describes.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class WallDisplacement:
-    """How far the wall of a quarter stands from its cavity."""
+    """Displacement of the wall of a quarter from its cavity."""
 
-    positions: Array  #: below the meniscus (p,), m, increasing; beyond them the end values hold
+    positions: Array  #: positions below the meniscus (p,), m, increasing; constant beyond them
     #: length of wall from the middle of the right-hand face (w,), m, along the cavity at the
-    #: meniscus, increasing, from 0 to the middle of the upper face. Three and three in a row, the
-    #: first of which is the third of those before, make a parabola
+    #: meniscus, increasing, from 0 to the middle of the upper face. Each three consecutive places,
+    #: the first shared with the previous three, define a parabola
     ways: Array
     moved: Array  #: displacement (p, w, 2), m
 
     def __post_init__(self) -> None:
-        """Refuse tables that do not fit together.
+        """Check that the tables are consistent.
 
         Raises:
-            ValueError: They do not.
+            ValueError: They are not.
         """
         p, w = len(self.positions), len(self.ways)
         if p < 2 or w < 3 or w % 2 == 0 or self.moved.shape != (p, w, 2):
@@ -52,7 +52,7 @@ class WallDisplacement:
             raise ValueError("the displacement of a wall must be finite everywhere")
 
     def __eq__(self, other: object) -> bool:
-        """Return whether it is the same to the last bit."""
+        """Whether it is identical, bit by bit."""
         return isinstance(other, WallDisplacement) and all(
             np.array_equal(getattr(self, name), getattr(other, name))
             for name in ("positions", "ways", "moved")
@@ -74,19 +74,19 @@ class WallDisplacement:
         return np.asarray(self._spline(within))
 
     def less(self, position: float) -> WallDisplacement:
-        """Return it less what it is at a position."""
+        """Return the displacement relative to that at a position."""
         return WallDisplacement(self.positions, self.ways, self.moved - self.at(position))
 
 
 class DisplacedMould(Mould):
-    """A rigid mould with a wall of its own shape; see `Mould`.
+    """A rigid mould with a displaced wall; see `Mould`.
 
     Args:
-        cavity: Its section without the displacement, with the sizes at the meniscus, m.
-        length: From the meniscus to its end, m.
-        tapers: How its dimensions go, without the displacement.
-        displacement: Of the wall.
-        wall_temperature: Of the face towards the strand, K; None where it is not given.
+        cavity: Section without the displacement, with the sizes at the meniscus, m.
+        length: Length from the meniscus to its end, m.
+        tapers: Tapers of its dimensions, without the displacement.
+        displacement: Displacement of the wall.
+        wall_temperature: Temperature of the face towards the strand, K; None if not given.
 
     Raises:
         ValueError: The places are not those of the cavity, or the wall folds.
@@ -127,11 +127,11 @@ class DisplacedMould(Mould):
         z = self._within(position)
         points, _ = self._places.on(sides_of(self.cavity, self.tapers, z))
         points = points + self.displacement.at(z)
-        points[0, 1] = points[-1, 0] = 0.0  # the planes of symmetry stay where they are
+        points[0, 1] = points[-1, 0] = 0.0  # the planes of symmetry are fixed
         return points
 
     def contour(self, position: float) -> Contour:
-        """Return the wall at a position below the meniscus (m); the last one is kept."""
+        """Return the wall at a position below the meniscus (m); the last one is cached."""
         if self._built is None or self._built[0] != position:
             self._built = (position, _contour(self.wall(position)))
         return self._built[1]
@@ -140,8 +140,8 @@ class DisplacedMould(Mould):
         """Return the linear dimensions of the cavity by name, m; see `Mould`.
 
         Args:
-            position: Below the meniscus, m.
-            as_made: Those without the displacement.
+            position: Position below the meniscus, m.
+            as_made: Return those without the displacement.
         """
         z = self._within(position)
         plain = self.cavity.dimensions(self.tapers, z, 1.0)
@@ -158,7 +158,7 @@ class DisplacedMould(Mould):
         return {name: sizes[name] for name in plain}
 
     def marks(self, position: float) -> dict[str, float]:
-        """Return the distance from the centre of a few points of the wall by name, m."""
+        """Return the distances of some points of the wall from the centre, by name, m."""
         z = self._within(position)
         size = self.dimensions(z)
         known = {
@@ -172,12 +172,12 @@ class DisplacedMould(Mould):
         return {name: 0.5 * size[known[name]] for name in names}
 
     def _outward_at_corner(self, position: float) -> float:
-        """Return how far the corner has moved outward where it is farthest from the axis, m."""
+        """Return the largest outward displacement of the corner, m."""
         sides = sides_of(self.cavity, self.tapers, position)
         x, y = (end - sides.radius for end in sides.ends)
         moved, here = self.displacement.at(position), self._places.piece == CORNER
         along = moved @ np.array([x, y]) / np.hypot(x, y)
-        # The end of the arc counts to the face that follows.
+        # The end of the arc belongs to the following face.
         last = np.flatnonzero(here)[-1] + 1
         share = np.append(self._places.share[here], 1.0)
         farthest = np.arctan2(y, x) / (0.5 * np.pi)
@@ -187,13 +187,14 @@ class DisplacedMould(Mould):
 def _contour(points: Array) -> Contour:
     """Return the closed contour through the points (w, 2) of a quarter, by parabolas.
 
-    Behind its corner every face goes on straight.
+    Behind its corner every face continues straight.
     """
     quarter: list[Segment] = [
         Parabolic(_point(points[i]), _point(points[i + 1]), _point(points[i + 2]))
         for i in range(0, len(points) - 2, 2)
     ]
-    size = float(np.abs(points).max())  # the faces go on straight behind the corners by as much
+    # the faces continue straight behind the corners by this length
+    size = float(np.abs(points).max())
     behind: list[Segment] = []
     for first, then in ((points[0], points[1]), (points[-1], points[-2])):
         way = then - first

@@ -1,4 +1,4 @@
-"""The mould: a cavity whose section goes with the position below the meniscus.
+"""The mould: a cavity whose section depends on the position below the meniscus.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -21,18 +21,18 @@ from castfem.physics.mould.wall import GapFunction
 
 @dataclass(frozen=True, slots=True)
 class Expansion:
-    """Thermal expansion of a mould whose shape is given cold.
+    """Thermal expansion of a mould whose cold shape is given.
 
-    Every length of the cavity is 1 + alpha (T(z) - T_cold) times what it is cold: the plates or
-    the tube expand freely and across their whole thickness by the mean temperature T(z).
+    Every length of the cavity is 1 + alpha (T(z) - T_cold) times its cold value: plates or tube
+    expand freely, according to the mean temperature T(z) across their thickness.
     """
 
     coefficient: float  #: mean expansion coefficient alpha of the copper from T_cold to T, 1/K
-    cold: float  #: temperature T_cold at which the shape is given, K
+    cold: float  #: temperature T_cold of the given shape, K
     temperature: Constant | Table  #: mean temperature T(z) of the wall along the mould, K
 
     def factor(self, position: float) -> float:
-        """Return hot length over cold length at a position."""
+        """Return hot over cold length at a position."""
         return 1.0 + self.coefficient * (self.temperature(position) - self.cold)
 
 
@@ -40,9 +40,9 @@ class Expansion:
 class Zone:
     """Taper (300) of one dimension in one zone of the mould."""
 
-    dimension: str  #: its name: "width", "height", "diagonal", "diameter"
-    start: float  #: where the zone begins, from the meniscus, m
-    end: float  #: where it ends, m
+    dimension: str  #: name of the dimension: "width", "height", "diagonal", "diameter"
+    start: float  #: start of the zone, from the meniscus, m
+    end: float  #: end of the zone, m
     inlet: float  #: the dimension at its start, m
     outlet: float  #: the dimension at its end, m
 
@@ -53,22 +53,23 @@ class Zone:
 
 
 def is_below(position: float, length: float) -> bool:
-    """Return whether a position is below the end of a mould of some length, m."""
+    """Whether a position is below the end of a mould of some length, m."""
     return position > length * (1.0 + ROUNDING)
 
 
 class Mould:
-    """A rigid mould in working condition, the wall of one section of the strand.
+    """A rigid mould in working condition: the wall around the strand.
 
-    It implements `Wall`. Above the meniscus it goes on as at the meniscus; below its end there is
-    no wall: all gaps are infinite.
+    It implements `Wall`. Above the meniscus it continues unchanged; below its end there is no wall:
+    all gaps are infinite.
 
     Args:
-        cavity: Its section, with the sizes at the meniscus, m.
-        length: From the meniscus to its end, m.
-        tapers: How its dimensions go; None where they stay.
-        wall_temperature: Of the face towards the strand, K; None where it is not given.
-        expansion: Where cavity and tapers are those of the cold mould; None in working condition.
+        cavity: Section, with the sizes at the meniscus, m.
+        length: Length from the meniscus to its end, m.
+        tapers: Tapers of its dimensions; None for none.
+        wall_temperature: Temperature of the face towards the strand, K; None if not given.
+        expansion: Expansion, if cavity and tapers are those of the cold mould; None in working
+            condition.
 
     Raises:
         ValueError: The length is not positive, or the taper closes the mould.
@@ -98,17 +99,17 @@ class Mould:
         return self.contour(position).gap_function(points, normals)
 
     def temperature(self, position: float) -> float:
-        """Return the temperature of the wall's face, K.
+        """Return the temperature of the face towards the strand, K.
 
         Raises:
-            ValueError: The mould was made without.
+            ValueError: The mould has no wall temperature.
         """
         if self.wall_temperature is None:
             raise ValueError("this mould has no wall temperature: mould.wall_temperature")
         return self.wall_temperature(position)
 
     def contour(self, position: float) -> Contour:
-        """Return the wall at a position below the meniscus (m); the last one is kept."""
+        """Return the wall at a position below the meniscus (m); the last one is cached."""
         if self._built is None or self._built[0] != position:
             z = self._within(position)
             self._built = (position, self.cavity.contour(self.tapers, z, self._scale(z)))
@@ -118,25 +119,25 @@ class Mould:
         """Return the linear dimensions of the cavity by name, m.
 
         Args:
-            position: Below the meniscus, m.
-            as_made: Those of the cold mould where the shape is given cold.
+            position: Position below the meniscus, m.
+            as_made: Return those of the cold mould, if its cold shape is given.
         """
         z = self._within(position)
         return self.cavity.dimensions(self.tapers, z, 1.0 if as_made else self._scale(z))
 
     def marks(self, position: float) -> dict[str, float]:
-        """Return the distance from the centre of a few points of the wall by name, m."""
+        """Return the distances of some points of the wall from the centre, by name, m."""
         z = self._within(position)
         return self.cavity.marks(self.tapers, z, self._scale(z))
 
     def zones(self, *, as_made: bool = False) -> tuple[Zone, ...]:
         """Return the taper of every dimension in every zone, and over the whole mould.
 
-        A zone reaches from one change of the dimension's taper to the next. The last entry of a
-        dimension is that of the whole mould, where that is more than one zone.
+        A zone extends from one change of the dimension's taper to the next. The last entry of a
+        dimension is for the whole mould, if there is more than one zone.
 
         Args:
-            as_made: Those of the cold mould where the shape is given cold.
+            as_made: Return those of the cold mould, if its cold shape is given.
         """
         found = []
         for name in self.dimensions(0.0):

@@ -1,4 +1,4 @@
-"""Places round a quarter of a mould's wall that keep their name from the meniscus to the exit.
+"""Places around a quarter of a mould's wall that keep their identity along the mould.
 
 A quarter runs counter-clockwise from the middle of the right-hand face over the corner to the
 middle of the upper face: three pieces, of which a round has only the corner.
@@ -20,10 +20,10 @@ RIGHT, CORNER, UPPER = range(3)
 
 
 def sides_of(cavity: Cavity, tapers: Tapers, position: float) -> Sides:
-    """Return the sizes of a cavity at a position; those of a round are all its radius.
+    """Return the sizes of a cavity at a position; for a round all are its radius.
 
     Raises:
-        ValueError: The shape is none whose wall can be offset to a tube.
+        ValueError: A wall of this shape cannot be offset to a tube.
     """
     if isinstance(cavity, RectangleCavity):
         return cavity.sides(tapers, position, 1.0)
@@ -34,13 +34,13 @@ def sides_of(cavity: Cavity, tapers: Tapers, position: float) -> Sides:
 
 
 def lengths(sides: Sides) -> tuple[float, float, float]:
-    """Return the lengths of the pieces, m; of a face that is a parabola that of its chord."""
+    """Return the lengths of the pieces, m; for a parabolic face that of its chord."""
     (a, b), (p, q), r = sides.middle, sides.ends, sides.radius
     return math.hypot(p - a, q - r), 0.5 * math.pi * r, math.hypot(q - b, p - r)
 
 
 def corner_of(sides: Sides, ways: Array) -> int | None:
-    """Which of the ways round a quarter lies in the middle of its corner; None of a round."""
+    """Return the index of the place in the middle of the corner of a quarter; None for a round."""
     right, arc, upper = lengths(sides)
     if right == upper == 0.0:
         return None
@@ -51,18 +51,18 @@ def corner_of(sides: Sides, ways: Array) -> int | None:
 class Places:
     """Places on a quarter of the wall."""
 
-    piece: Indices  #: on which piece each place lies (n,)
-    share: Array  #: of the piece's length from its start (n,), 0 to 1
+    piece: Indices  #: piece of each place (n,)
+    share: Array  #: relative position on the piece from its start (n,), 0 to 1
 
     @classmethod
     def spread(cls, sides: Sides, face_cells: int, corner_cells: int, order: int = 2) -> Places:
-        """Return the nodes of cells round a quarter, on the faces closer towards the corner.
+        """Return the nodes of cells around a quarter, denser on the faces towards the corner.
 
         Args:
-            sides: The section.
-            face_cells: Cells on half a face.
-            corner_cells: Cells on the corner.
-            order: Of the cells: 2 puts a place in the middle of each.
+            sides: Sizes of the section.
+            face_cells: Number of cells on half a face.
+            corner_cells: Number of cells on the corner.
+            order: Order of the cells: 2 adds a place in the middle of each.
         """
         # Cells on a face grow from the corner to the middle.
         towards = 1.0 - (1.0 - np.linspace(0.0, 1.0, face_cells + 1)) ** 1.5

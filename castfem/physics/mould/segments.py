@@ -1,11 +1,11 @@
-"""Segments of a wall's contour and where rays meet them, (268)-(273) of the thesis.
+"""Segments of a wall's contour, and their intersections with rays, (268)-(273) of the thesis.
 
 A contour runs counter-clockwise: the cavity is on the left of a segment, its outward normal (into
 the mould) on the right. A ray p + d m through a point p of the strand, along its outward normal m,
-may meet a segment twice; only where it leaves the cavity (outward normal . m > 0) is the wall in
-front of it. Of a straight line, a circle or a parabola there is at most one such crossing, and its
-root is written down in the form without cancellation, so that no case needs a search. The distance
-d is negative where the point has penetrated the wall; it is infinite where the segment is not met.
+may meet a segment twice; only where it leaves the cavity (outward normal . m > 0) does it meet the
+wall from inside. A straight line, a circle or a parabola has at most one such intersection, whose
+root is given in a form without cancellation, so that no iteration is needed. The distance d is
+negative where the point has penetrated the wall, and infinite where the ray misses the segment.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -21,11 +21,10 @@ from castfem.base.types import Array
 
 Point = tuple[float, float]
 Crossing = tuple[Array, Array, Array, Array]
-"""Distance along the ray, the two components of the wall's unit normal there, and its curvature,
-each (k, n)."""
+"""Distance along the ray, two components of the wall's unit normal, and curvature, each (k, n)."""
 
 GRAZING = 0.02
-"""Cosine between ray and wall normal below which a ray passes along the wall (89 degrees)."""
+"""Cosine between ray and wall normal below which a ray is parallel to the wall (89 degrees)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,7 @@ class Straight:
     end: Point  #: last point, m
 
     def __post_init__(self) -> None:
-        """Refuse a segment of no length."""
+        """Refuse a segment of zero length."""
         if not math.dist(self.start, self.end) > 0.0:
             raise ValueError(f"a straight segment needs two points, not twice {self.start}")
 
@@ -48,16 +47,16 @@ class Straight:
 
 @dataclass(frozen=True, slots=True)
 class Circular:
-    """An arc that turns by less than half a circle."""
+    """An arc of less than half a circle."""
 
     start: Point  #: first point (x, y), m
     end: Point  #: last point, m
-    #: centre, m, at one distance from both; on the left of the chord where the cavity is convex, on
-    #: its right where the wall bulges into it
+    #: centre, m, equidistant from both; on the left of the chord if the cavity is convex, on its
+    #: right if the wall bulges into it
     centre: Point
 
     def __post_init__(self) -> None:
-        """Refuse an arc whose ends and centre do not fit."""
+        """Refuse an arc whose ends and centre are inconsistent."""
         one, other = math.dist(self.start, self.centre), math.dist(self.end, self.centre)
         if not math.dist(self.start, self.end) > 0.0 or abs(one - other) > 1e-6 * max(one, other):
             raise ValueError(
@@ -74,7 +73,7 @@ class Circular:
 
     @property
     def bend(self) -> float:
-        """1 where the cavity is convex, -1 where the wall bulges into it, 0 for half a circle."""
+        """1 if the cavity is convex, -1 if the wall bulges into it, 0 for half a circle."""
         (ax, ay), (bx, by), (cx, cy) = self.start, self.end, self.centre
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         return math.copysign(1.0, area) if abs(area) > 1e-12 * self.radius**2 else 0.0
@@ -92,7 +91,7 @@ class Circular:
 class Parabolic:
     """A parabola through three points, at xi = -1, 0 and 1 (269).
 
-    Three points on a line, equally spaced, make a straight segment.
+    Three equally spaced points on a line give a straight segment.
     """
 
     start: Point  #: first point (x, y), m
@@ -185,7 +184,7 @@ class Circulars:
         qx, qy = p[0] - self.centre[0], p[1] - self.centre[1]
         along = qx * m[0] + qy * m[1]
         aside = qx * m[1] - qy * m[0]
-        # Of d^2 + 2 along d + |q|^2 - radius^2 = 0 the root with bend (along + d) > 0.
+        # The root of d^2 + 2 along d + |q|^2 - radius^2 = 0 with bend (along + d) > 0.
         root = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
         facing = root > GRAZING * radius
         excess = np.hypot(qx, qy)
@@ -219,7 +218,7 @@ class Parabolics:
         (ax, ay), (bx, by) = self.square, self.linear
         wx, wy = self.middle[0] - p[0], self.middle[1] - p[1]
         a, b, c = ax * m[1] - ay * m[0], bx * m[1] - by * m[0], wx * m[1] - wy * m[0]
-        # Of a xi^2 + b xi + c = 0 the root with slope 2 a xi + b < 0: there the ray leaves (272).
+        # The root of a xi^2 + b xi + c = 0 with slope 2 a xi + b < 0, where the ray leaves (272).
         slope = np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))
         falling = b < 0.0
         straight = a == 0.0

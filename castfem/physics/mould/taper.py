@@ -1,13 +1,13 @@
-"""Taper: how the wall closes in along the mould.
+"""Taper: closing of the wall along the mould.
 
-Taper is the relative change of a linear dimension w of the cavity in one metre, referred to the
-outlet (300):
+Taper is the relative change of a linear dimension w of the cavity per metre, relative to the outlet
+(300):
 
     t = (w_in - w_out) / (w_out h),    positive where the mould closes downwards.
 
-A taper over several zones applies (300) to each zone with the zone's own inlet, outlet and height,
-as (303) does. Within a zone the dimension is linear in the position, or a parabola whose local
-taper -w' / w_out goes linearly from one value to another; their mean is then the t of (300).
+For a taper in several zones (300) is applied to each zone with its own inlet, outlet and height, as
+in (303). Within a zone the dimension is linear in the position, or a parabola whose local taper -w'
+/ w_out is linear from one value to another; their mean is then t of (300).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -26,9 +26,9 @@ from castfem.base.tables import Table
 class TaperSegment:
     """A segment of the mould with one taper."""
 
-    end: float | None  #: where it ends, from the meniscus, m; None for the end of the mould
+    end: float | None  #: end of the segment, from the meniscus, m; None for the end of the mould
     top: float  #: taper (300) at its upper end, 1/m
-    bottom: float  #: taper at its lower end, 1/m; that at the top where it is linear
+    bottom: float  #: taper at its lower end, 1/m; equal to that at the top if linear
 
     @property
     def mean(self) -> float:
@@ -40,10 +40,10 @@ class TaperProfile(Protocol):
     """A linear dimension of the cavity as a function of the position below the meniscus."""
 
     def half(self, position: float, start: float) -> float:
-        """Return half the dimension at a position, m, that is `start` at the meniscus."""
+        """Return half the dimension at a position, m, which is `start` at the meniscus."""
 
     def knots(self) -> tuple[float, ...]:
-        """Return the positions where its slope jumps, from the meniscus to the end, m."""
+        """Return the positions at which its slope jumps, from the meniscus to the end, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Taper:
     segments: tuple[TaperSegment, ...]
 
     def __post_init__(self) -> None:
-        """Refuse segments that are out of order, or that close the mould altogether."""
+        """Refuse segments that are out of order, or that close the mould completely."""
         top = 0.0
         for number, segment in enumerate(self.segments, start=1):
             if segment.end is None or not segment.end > top:
@@ -96,7 +96,7 @@ class Taper:
 
 @dataclass(frozen=True, slots=True)
 class Displaced:
-    """A wall that is displaced by a table: a measured profile, or a step."""
+    """A wall displaced by a table: a measured profile, or a step."""
 
     #: displacement of the wall into the cavity, m, over the position below the meniscus
     closing: Table
@@ -104,7 +104,7 @@ class Displaced:
     def half(self, position: float, start: float) -> float:
         """Return half the dimension at a position, m; see `TaperProfile`.
 
-        The table tells the wall's movement since the meniscus: its value there is taken off.
+        The table gives the displacement since the meniscus: its value there is subtracted.
         """
         return start - (self.closing(position) - self.closing(0.0))
 

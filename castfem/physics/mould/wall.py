@@ -1,4 +1,4 @@
-"""The gap function: how far a wall is from the strand's surface, and which way it faces.
+"""The gap function: distance and normal of a wall seen from the strand's surface.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -16,25 +16,25 @@ from castfem.base.types import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GapFunction:
-    """Where n points of the strand's surface meet the wall along their outward normals.
+    """Intersections of the outward normals at n points of the strand's surface with the wall.
 
     A displacement u of a point changes its gap by -(normal . u) / (normal . strand normal).
     """
 
     #: distance (n,), m, from the point along the strand's outward normal to the wall (268)-(273):
-    #: positive where open, negative where the point has penetrated, infinite where no wall lies
-    #: that way
+    #: positive where open, negative where the point has penetrated, infinite without a wall in that
+    #: direction
     gap: Array
-    #: unit normal (n, 2) of the wall where it is met, pointing out of the cavity, so that normal .
-    #: strand normal > 0; where no wall is met, the strand's own normal.
+    #: unit normal (n, 2) of the wall there, pointing out of the cavity, so that normal . strand
+    #: normal > 0; without a wall the strand's own normal
     normal: Array
-    #: of the wall there (n,), 1/m, or of all of it: how fast its normal turns along (-normal_y,
-    #: normal_x); positive where the cavity is hollow
+    #: curvature of the wall there (n,), 1/m, or of the whole wall: rotation of its normal along
+    #: (-normal_y, normal_x); positive for a concave cavity wall
     curvature: Array | float = 0.0
 
 
 class Wall(Protocol):
-    """A rigid wall the strand passes."""
+    """A rigid wall along which the strand moves."""
 
     def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         """Return where points meet the wall.
@@ -52,11 +52,11 @@ class PlaneWall:
     """An unbounded plane wall that may move with the position below the meniscus."""
 
     point: tuple[float, float]  #: a point of the wall at position 0, m
-    normal: tuple[float, float]  #: direction out of the cavity, into the wall; of any length
-    closing: float = 0.0  #: movement of the wall against its normal for each metre of position, m/m
+    normal: tuple[float, float]  #: direction out of the cavity, into the wall; any length
+    closing: float = 0.0  #: displacement of the wall against its normal per metre of position, m/m
 
     def __post_init__(self) -> None:
-        """Refuse a normal of no length."""
+        """Refuse a normal of zero length."""
         if not 0.0 < math.hypot(*self.normal) < math.inf:
             raise ValueError(f"the normal of a plane wall must have a direction, not {self.normal}")
 
@@ -65,7 +65,7 @@ class PlaneWall:
         p, m = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
         n = np.array(self.normal) / math.hypot(*self.normal)
         cosine = m @ n
-        # The wall is unbounded: even a ray that nearly runs along it meets it somewhere.
+        # The wall is unbounded: even a ray nearly parallel to it meets it somewhere.
         facing = cosine > 1e-9
         height = (np.array(self.point) - p) @ n - self.closing * position
         gap = np.where(facing, height / np.where(facing, cosine, 1.0), np.inf)

@@ -1,6 +1,6 @@
 """The thermal problem: laws of surface cooling, the enthalpy solver, time stepping.
 
-A `Surface` has patches, each cooled by a law; a `ThermalProblem` is the heat balance of a stage, a
+A `Surface` has patches, each cooled by a law; a `ThermalProblem` is the heat balance of a stage; a
 `ThermalStepper` takes it from one state to the next. Each is imported at first use: cases know the
 laws of cooling without a solver.
 """
@@ -27,7 +27,7 @@ __all__ = ["Contact", "Cooling", "Surface", "ThermalProblem", "ThermalState", "T
 
 
 def __getattr__(name: str) -> Any:
-    """Import a part when it is asked for."""
+    """Import a part on first use."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module

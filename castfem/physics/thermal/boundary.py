@@ -1,4 +1,4 @@
-"""The strand's surface: which vertices cool by which laws, with which share of the perimeter.
+"""The strand's surface: vertices and perimeter shares of the boundary groups, with their laws.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -26,17 +26,16 @@ class Patch:
     """The owned surface vertices of some boundary groups."""
 
     dofs: npt.NDArray[np.int64]  #: their degrees of freedom (n,)
-    #: share of the perimeter of each (n,), m; of one that moves, as it is now and times its
-    #: thickness
+    #: perimeter share of each (n,), m; on a moving slice the present one times its thickness
     weights: Array
 
 
 class Surface:
-    """Perimeter shares of the boundary groups, which add up to their true lengths.
+    """Perimeter shares of the boundary groups, which add up to their exact lengths.
 
     Args:
         section: The section.
-        shape: Where the slice is; None if it does not move, and the shares are assembled once.
+        shape: Shape of the slice; None if it does not move, so that shares are assembled once.
     """
 
     def __init__(self, section: Section, shape: Shape | None = None) -> None:
@@ -46,7 +45,7 @@ class Surface:
         self._forms: dict[int, fem.Form] = {}
 
     def forms(self) -> dict[int, tuple[str, ufl.Form]]:
-        """By tag of a group the name and the form of its shares of the perimeter."""
+        """Forms of the perimeter shares, with their names, by tag of the group."""
         section, shape = self.section, self._shape
         curved = section.order == 2 or shape is not None
         ds = surface_measure(section.mesh, section.facet_tags, curved)
@@ -63,7 +62,7 @@ class Surface:
         }
 
     def _share(self, tag: int) -> Array:
-        """Share of the perimeter of group `tag` that belongs to each owned vertex (owned,), m."""
+        """Perimeter share of group `tag` at each owned vertex (owned,), m."""
         if not self._forms:
             forms = self.forms()
             self._forms = {i: self.section.compile(*form) for i, form in forms.items()}
@@ -72,7 +71,7 @@ class Surface:
         return self._shares[tag]
 
     def follow_shape(self) -> None:
-        """Give all patches their shares of the surface as it is now (collective)."""
+        """Update all patches to the present surface (collective)."""
         self._shares = {}
         for key, patch in self._patches.items():
             patch.weights[:] = np.sum([self._share(t) for t in key], axis=0)[patch.dofs]
@@ -100,11 +99,11 @@ class Surface:
 
 @dataclass(slots=True)
 class Cooling:
-    """What cools the surface in one zone."""
+    """Cooling of the surface in one zone."""
 
-    #: pairs of a patch and the law that holds there; laws on one patch add up (36)
+    #: pairs of a patch and its law; laws on one patch add up (36)
     laws: list[tuple[Patch, SurfaceLaw]]
-    #: pairs of a patch and its given temperature
+    #: pairs of a patch and its prescribed temperature
     prescribed: list[tuple[Patch, PrescribedTemperature]] = field(default_factory=list)
 
     def ambient_range(self, time: float) -> tuple[float, float]:

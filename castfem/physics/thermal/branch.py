@@ -1,14 +1,14 @@
-"""Where a stage of the heat balance has one root, and how long it may be to keep to it.
+"""Uniqueness of a stage of the heat balance: the longest stage with a single root.
 
-A surface whose flux falls as it warms (boiling between the peak and the film, dq/dT < 0) may be in
-balance at several temperatures at the end of a long stage, while in time there is one: the one
-that is reached from the state before without a jump.  The balance of a vertex grows with its
-temperature, and so has one root, where
+A surface whose flux decreases with temperature (boiling between the peak and the film, dq/dT < 0)
+may be in balance at several temperatures at the end of a long stage, while in time there is one
+solution: the one that is reached continuously from the previous state. The balance of a vertex
+increases with its temperature, and so has one root, if
 
     tau w (-dq/dT) < M dH/dT,
 
-w its share of the perimeter, M the volume its steel fills.  A step keeps to the branch it is on if
-this holds at all temperatures that the vertex has passed on the way; conduction only helps.
+with w its perimeter share, M the volume of its steel. A step stays on its branch if this holds at
+all temperatures that the vertex has passed; conduction only helps.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from castfem.physics.thermal.problem import ThermalProblem
 
 
 class Branch:
-    """Tells how long a stage may be to have one root.
+    """Computes the longest stage with a single root.
 
     Args:
         problem: The heat balance.
@@ -32,24 +32,24 @@ class Branch:
     def __init__(self, problem: ThermalProblem) -> None:
         self._problem = problem
         self._cooling: Cooling | None = None
-        # Of the cooling that holds: least rise of the heat that leaves each vertex, W/m K, below 0
-        # where it falls anywhere; None if it does so nowhere.
+        # For the present cooling: smallest rise of the heat leaving each vertex, W/m K, negative
+        # where it decreases anywhere; None if it decreases nowhere.
         self._sharpest: Array | None = None
 
     def longest_stage(self, old: CurvePoint, new: CurvePoint, time: float, asked: float) -> float:
-        """Longest stage from `old` to `new` that has one root, s.
+        """Longest stage from `old` to `new` with a single root, s.
 
         Args:
-            old: Before the stage.
-            new: At its end.
-            time: Of its end, s.
-            asked: Length of the stage, s; what is longer is not told apart.
+            old: State before the stage.
+            new: State at its end.
+            time: Time of its end, s.
+            asked: Length of the stage, s; longer limits are not distinguished.
         """
         if self._cooling is not self._problem.cooling:
             self._look_at(self._problem.cooling, time)
         if self._sharpest is None:
             return np.inf
-        # Of the two ends the state that takes up less heat per degree.
+        # Of the two ends the state with the smaller heat capacity.
         warming = np.maximum(old.temperature_slope, new.temperature_slope) / self._problem.volume
         longest = self._bound(warming, self._sharpest)
         if longest >= asked:
@@ -57,9 +57,9 @@ class Branch:
         return self._bound(warming, self._on_the_way(old.temperature, new.temperature, time))
 
     def _look_at(self, cooling: Cooling, time: float) -> None:
-        """Find whether and where a flux may fall.
+        """Determine whether and where a flux may decrease.
 
-        Water may fall on the vertices of some ranks alone: all must come to the same answer.
+        Water may fall on the vertices of some ranks only, but all must reach the same answer.
         """
         knots = self._problem.curve.knots
         grid = np.arange(knots[0], knots[-1], 1.0)
@@ -72,7 +72,7 @@ class Branch:
         self._cooling, self._sharpest = cooling, sharpest if falls else None
 
     def _on_the_way(self, old: Array, new: Array, time: float) -> Array:
-        """Least rise of the heat that leaves each vertex on its way (owned,), W/m K."""
+        """Smallest rise of the heat leaving each vertex along its way (owned,), W/m K."""
         sharpest = np.zeros_like(old)
         for share in np.linspace(0.0, 1.0, 33):
             at = old + share * (new - old)
@@ -83,6 +83,6 @@ class Branch:
         return sharpest
 
     def _bound(self, warming: Array, slope: Array) -> float:
-        """Longest stage that has one root, with these slopes (collective)."""
+        """Longest stage with a single root for these slopes (collective)."""
         worst = reductions.largest(self._problem.section.comm, -slope * warming)
         return np.inf if worst <= 0.0 else 1.0 / worst

@@ -1,4 +1,4 @@
-"""The slice as it has moved, through which and out of which heat flows."""
+"""The deformed slice, on which heat is computed."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from castfem.forms.heat import storage, storage_measure
 
 
 class Shape:
-    """Where the slice was at the end of the coupling window before (thesis IV): form and thickness.
+    """Deformation of the slice at the end of the previous coupling window (thesis IV).
 
     Args:
         section: The section.
-        space: Of the displacement.
-        solidus: Below it steel is solid, K.
+        space: Space of the displacement.
+        solidus: Solidus of the steel, K.
 
     Attributes:
         gradient: In-plane deformation gradient F (2, 2).
-        thickness: e, over the undeformed one.
-        area: Of each owned vertex (owned,), undeformed, m2.
-        displacement: Of the slice. generalized_strains: Likewise (4,).
-        volume: Form of what the slice encloses at each vertex.
+        thickness: Thickness e, relative to the undeformed one.
+        area: Undeformed area of each owned vertex (owned,), m2.
+        displacement: Displacement of the slice. generalized_strains: Likewise (4,).
+        volume: Form of the volume enclosed by the slice at each vertex.
     """
 
     def __init__(self, section: Section, space: fem.FunctionSpace, solidus: float) -> None:
@@ -35,8 +35,8 @@ class Shape:
         self.displacement = fem.Function(space)
         self.generalized_strains = fem.Constant(mesh, np.zeros(4))
         moved = deformation(self.displacement, self.generalized_strains, mesh)
-        # Liquid follows the shell with next to no stiffness and may fold where it has much to
-        # follow. What does not keep this share of its area conducts as if it had not moved.
+        # Liquid follows the shell almost without stiffness and may fold where it moves far. Cells
+        # below this relative area conduct as if undeformed.
         sound = ufl.gt(ufl.det(moved.gradient), 0.1)
         still = ufl.Identity(2)
         self.gradient = ufl.as_tensor(
@@ -58,29 +58,30 @@ class Shape:
         self.area = assemble_owned(area, section.owned)
 
     def filled(self, before: Array, temperature: Array) -> Array:
-        """Volume that the steel of each vertex fills, over the undeformed one (owned,).
+        """Volume of the steel of each vertex, relative to the undeformed one (owned,).
 
-        Liquid is fed: it fills what the slice encloses now.  Solid has filled its share once for
-        all when it froze.
+        Liquid is fed: it fills the volume now enclosed by the slice. Solid keeps the volume at
+        which it froze.
 
         Args:
-            before: The same before (owned,).
-            temperature: At the vertices (owned,), K.
+            before: The previous volumes (owned,).
+            temperature: Temperatures at the vertices (owned,), K.
         """
         now = self.enclosed() / self.area
         return np.where(temperature < self.solidus, before, now)
 
     def enclosed(self) -> Array:
-        """Volume that the slice encloses now at each vertex (owned,), m2 (collective)."""
+        """Volume now enclosed by the slice at each vertex (owned,), m2 (collective)."""
         if self._enclosed is None:
             self._enclosed = assemble_owned(self._volume, self._owned)
         return self._enclosed
 
     def take(self, displacement: Array, generalized_strains: Array) -> None:
-        """Move the slice.
+        """Set the deformation.
 
         Args:
-            displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
+            displacement: Displacement of this rank's nodes, including ghosts, x and y alternating,
+                m.
             generalized_strains: Generalized strains [a0 - 1, a1, a2, across] (4,).
         """
         self._enclosed = None

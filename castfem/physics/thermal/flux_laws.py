@@ -1,7 +1,8 @@
 """Heat flux through the strand's surface: plain arrays in, flux and its slope out (thesis II.4).
 
-Every law gives q (W/m2, positive when heat leaves the strand) and dq/dT at the surface temperatures
-handed in, a lower bound of dq/dT, and the range of temperatures that it can drive the surface to.
+Every law gives q (W/m2, positive when heat leaves the strand) and dq/dT at given surface
+temperatures, a lower bound of dq/dT, and the range of temperatures to which it can drive the
+surface.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -21,35 +22,35 @@ from castfem.physics.thermal.sprays import Correlation
 
 
 class SurfaceLaw(ABC):
-    """What the thermal problem asks of a law; one that lacks any of it cannot be made."""
+    """Interface of a law for the thermal problem; all methods are required."""
 
     __slots__ = ()
 
     @abstractmethod
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
-        """Q and dq/dT (n,) at surface temperatures (n,), K, `time` seconds after the meniscus."""
+        """Flux q and dq/dT (n,) at surface temperatures (n,), K, `time` (s) after the meniscus."""
 
     @abstractmethod
     def least_rise(self, temperatures: Array, time: float) -> float | Array:
-        """Least dq/dT, or a lower bound of it.
+        """Smallest dq/dT, or a lower bound of it.
 
-        A law whose flux falls anywhere as the surface warms must return a number below 0: steps
-        are kept to one root of the heat balance by it (`castfem.physics.thermal.branch`).
+        A law whose flux decreases with temperature anywhere must return a negative number: steps
+        are then limited to one root of the heat balance (`castfem.physics.thermal.branch`).
 
         Args:
-            temperatures: At which it is asked for, close to each other (g,), K.
-            time: At which the zone begins, s; what changes in the zone is bounded for all of it.
+            temperatures: Dense temperatures at which it is evaluated (g,), K.
+            time: Start of the zone, s; the bound must hold for the whole zone.
 
         Returns:
-            One number, or one a vertex (n,) of a law that differs between them, W/m2K.
+            One number, or one per vertex (n,) for a law that differs between them, W/m2K.
         """
 
     @abstractmethod
     def ambient_range(self, time: float) -> tuple[float, float]:
-        """Lowest and highest temperature the law pulls the surface to, K.
+        """Lowest and highest temperature to which the law drives the surface, K.
 
-        With the old temperatures it bounds the new ones of a step. A flux without an ambient has 0
-        and infinity.
+        They and the old temperatures bound the new ones of a step. A flux without an ambient
+        temperature has 0 and infinity.
         """
 
 
@@ -79,7 +80,7 @@ class Convection(SurfaceLaw):
         return self.ambient, self.ambient
 
     def across(self, gap: float | Array) -> Convection:
-        """The law that holds across a gap: the same."""
+        """The law across a gap: the same."""
         return self
 
 
@@ -87,19 +88,19 @@ class Convection(SurfaceLaw):
 class Contact(SurfaceLaw):
     """Contact with the mould through a gap d (301): h = h_c k_g / (k_g + h_c d).
 
-    Radiation and convection beside it cross the gap in parallel with its conduction, and with it
-    in series with the resistance of contact 1/h_c, ours: where the strand touches there is
-    contact alone (35), elsewhere they add up across the gap (36), and the flux does not jump in
-    between.
+    Radiation and convection beside it act across the gap in parallel with its conduction, and with
+    it in series with the contact resistance 1/h_c (our choice): at touching points there is only
+    contact (35), elsewhere they add up across the gap (36), and the flux does not jump in between.
 
     Attributes:
-        coefficient: h_c at d = 0, W/m2K, or a curve of it.
+        coefficient: Coefficient h_c at d = 0, W/m2K, or a curve of it.
         wall: Temperature of the mould's wall, K; a number or a function of time.
-        gap_conductivity: k_g, W/mK.
-        gap: d, m; a number or one per surface node, or two (2, nodes) of nodes that face two walls.
-        first: Of two gaps, the share of the surface of each node that has the first one (nodes,).
-        follows: Whether the gap is that of the mechanics, another in each coupling window.
-        beside: What else crosses the gap.
+        gap_conductivity: Conductivity k_g, W/mK.
+        gap: Gap d, m; a number or one per surface node, or two (2, nodes) for nodes that face two
+            walls.
+        first: With two gaps, the fraction of the surface of each node with the first one (nodes,).
+        follows: Whether the gap is that of the mechanics, which changes in each coupling window.
+        beside: Other laws across the gap.
     """
 
     coefficient: float | Curve
@@ -111,11 +112,11 @@ class Contact(SurfaceLaw):
     beside: tuple[Convection | Radiation, ...] = ()
 
     def across(self, gap: Array, first: float | Array = 1.0) -> Contact:
-        """The law that holds across the gap, m, of the mechanics, if it follows that."""
+        """The law for the gap, m, of the mechanics, if it follows that."""
         return replace(self, gap=gap, first=first) if self.follows else self
 
     def heat_transfer(self, coefficient: float | Array) -> Array:
-        """Overall coefficient h(d) of (301), W/m2K, with a coefficient of contact."""
+        """Overall coefficient h(d) of (301), W/m2K, for a contact coefficient."""
         hc, kg, gap = np.asarray(coefficient), self.gap_conductivity, np.maximum(self.gap, 0.0)
         return np.asarray(hc * kg / (kg + hc * gap))
 
@@ -135,7 +136,7 @@ class Contact(SurfaceLaw):
         flux = h * (temperature - self._wall(time))
         if not self.beside or not self.coefficient > 0.0:
             return flux, h
-        # The gap's share of the resistance of contact and gap: 0 where the strand touches.
+        # The gap's fraction of the total resistance: 0 where the strand touches.
         share = 1.0 - h / self.coefficient
         crossing, slope, conductance, its_slope = self._crossing(temperature, time)
         both = flux + share * crossing
@@ -144,7 +145,7 @@ class Contact(SurfaceLaw):
         return both / less, (h + share * slope - by_less) / less
 
     def _crossing(self, temperature: Array, time: float) -> tuple[Array, Array, Array, Array]:
-        """Flux beside the gap's conduction, and conductance (34), each with its derivative."""
+        """Flux parallel to the gap's conduction, and conductance (34), each with its derivative."""
         crossing, slope, conductance, its_slope = np.zeros((4, *temperature.shape))
         for law in self.beside:
             law = law.across(self.gap)
@@ -155,10 +156,10 @@ class Contact(SurfaceLaw):
         return crossing, slope, conductance, its_slope
 
     def _of_curve(self, curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]:
-        """See `flux`, with a coefficient of contact h_c that changes with the temperature.
+        """See `flux`, with a temperature-dependent contact coefficient h_c.
 
-        With r = d/k_g, beside which c and q_c cross, the flux is
-        h_c (T - Tw + r q_c) / (1 + r (h_c + c)): what stands in `flux`, multiplied out.
+        With r = d/k_g and c, q_c acting in parallel, the flux is h_c (T - Tw + r q_c) / (1 + r (h_c
+        + c)): the expression in `flux`, multiplied out.
         """
         wall = self._wall(time)
         hc, rise = curve.of(temperature, time, wall)
@@ -173,13 +174,13 @@ class Contact(SurfaceLaw):
         return flux, (its_rise - fall) / below
 
     def least_rise(self, temperatures: Array, time: float) -> float:
-        """See `SurfaceLaw.least_rise`, without a gap, in which a flux that falls does so most."""
+        """See `SurfaceLaw.least_rise`; without a gap, where a decreasing flux decreases most."""
         curve = self.coefficient
         if isinstance(curve, float | int) or curve.over_temperature is None:
             return 0.0
         slope = replace(self, gap=0.0, beside=()).flux(temperatures, time)[1]
         least = float(slope.min())
-        # Less is what rounding makes of a flux that does not fall.
+        # Smaller values are rounding of a flux that does not decrease.
         return least if least < -1e-9 * float(np.abs(slope).max(initial=0.0)) else 0.0
 
     def ambient_range(self, time: float) -> tuple[float, float]:
@@ -189,7 +190,7 @@ class Contact(SurfaceLaw):
 
 
 def _conductance(flux: Array, slope: Array, excess: Array) -> tuple[Array, Array]:
-    """Flux over the difference of temperature `excess` (34), W/m2K, and its derivative."""
+    """Flux over the temperature difference `excess` (34), W/m2K, and its derivative."""
     near = np.abs(excess) < 1e-3  # K
     by = np.where(near, 1.0, excess)
     conductance = np.where(near, slope, flux / by)
@@ -205,11 +206,12 @@ class Radiation(SurfaceLaw):
 
     Attributes:
         emissivity: eps_strand; a number or a function of the temperature, K.
-        ambient: Ta, K.
+        ambient: Ambient temperature Ta, K.
         wall_emissivity: eps_wall, likewise.
-        refractive_index: m.
-        absorption: a, 1/m.
-        gap: d, m; a number or one per surface node; None: none, or that of the contact beside it.
+        refractive_index: Refractive index m.
+        absorption: Absorption coefficient a, 1/m.
+        gap: Gap d, m; a number or one per surface node; None: none, or that of the contact beside
+            it.
     """
 
     emissivity: float | Callable[[Array], Array]
@@ -220,24 +222,25 @@ class Radiation(SurfaceLaw):
     gap: float | Array | None = None
 
     def across(self, gap: float | Array) -> Radiation:
-        """The law that holds across a gap, m: the given one, if the law has none of its own."""
+        """The law across a gap, m: the given one, if the law has none of its own."""
         return self if self.gap is not None else replace(self, gap=gap)
 
     def factor(self, temperature: Array) -> Array:
-        """Gamma of (33), W/m2K4, at surface temperatures (n,)."""
+        """The factor gamma of (33), W/m2K4, at surface temperatures (n,)."""
         return self._factor(temperature)[0]
 
     def _factor(self, temperature: Array) -> tuple[Array, Array]:
-        """Gamma of (33) at surface temperatures (n,), and its derivative (n,), W/m2K5.
+        """The factor gamma of (33) at surface temperatures (n,), and its derivative, W/m2K5.
 
-        With c = 0.75 a d + 1/eps_wall - 1 it is m^2 sigma eps / (1 + c eps), eps of the strand.
+        With c = 0.75 a d + 1/eps_wall - 1 it is m^2 sigma eps / (1 + c eps), with eps of the
+        strand.
         """
         given: float | Array | Callable[[Array], Array] = self.emissivity
         strand, rise = with_slope(given, temperature) if callable(given) else (given, 0.0)
         wall = self.wall_emissivity
-        if callable(wall):  # the wall is as warm as the surroundings it stands for
+        if callable(wall):  # the wall has the ambient temperature
             wall = float(wall(np.array([self.ambient]))[0])
-        if wall == 0.0:  # resists without end: nothing is radiated
+        if wall == 0.0:  # infinite resistance: no radiation
             return np.zeros_like(temperature), np.zeros_like(temperature)
         between: float | Array = 1.0 / wall - 1.0
         if self.absorption and self.gap is not None:
@@ -251,14 +254,14 @@ class Radiation(SurfaceLaw):
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
-        # Odd below absolute zero, where an iterate may stray: the flux stays monotone.
+        # Odd function below absolute zero, which an iterate may reach: the flux stays monotone.
         cube = np.abs(temperature) ** 3
         excess = temperature * cube - self.ambient**4
         gamma, rise = self._factor(temperature)
         return gamma * excess, gamma * 4.0 * cube + rise * excess
 
     def least_rise(self, temperatures: Array, time: float) -> float:
-        """See `SurfaceLaw.least_rise`, without a gap, in which a flux that falls does so most."""
+        """See `SurfaceLaw.least_rise`; without a gap, where a decreasing flux decreases most."""
         if not callable(self.emissivity):
             return 0.0
         return float(replace(self, gap=None).flux(temperatures, time)[1].min())
@@ -270,12 +273,12 @@ class Radiation(SurfaceLaw):
 
 @dataclass(frozen=True)
 class Sprayed(SurfaceLaw):
-    """Convection to a spray whose water changes in time.
+    """Convection to a spray with variable water flow.
 
     Attributes:
         correlation: Gives the coefficient.
-        water: kg/(m2 s), over the time since the meniscus, s.
-        most: The largest, kg/(m2 s).
+        water: Water flow, kg/(m2 s), over the time since the meniscus, s.
+        most: Largest flow, kg/(m2 s).
         ambient: Temperature of the water, K.
         machine_factor: Divides the coefficient.
     """
@@ -287,7 +290,7 @@ class Sprayed(SurfaceLaw):
     machine_factor: float = 1.0
 
     def _at(self, water: float) -> Convection:
-        """Convection to so much water."""
+        """Convection for a water flow."""
         return Convection(
             lambda t: self.correlation.coefficient(water, self.ambient, self.machine_factor, t),
             self.ambient,
@@ -298,7 +301,7 @@ class Sprayed(SurfaceLaw):
         return self._at(self.water(time)).flux(temperature, time)
 
     def least_rise(self, temperatures: Array, time: float) -> float:
-        """See `SurfaceLaw.least_rise`, at the most water."""
+        """See `SurfaceLaw.least_rise`; for the largest flow."""
         return float(self._at(self.most).flux(temperatures, time)[1].min())
 
     def ambient_range(self, time: float) -> tuple[float, float]:
@@ -322,12 +325,12 @@ class PrescribedFlux(SurfaceLaw):
         return 0.0
 
     def ambient_range(self, time: float) -> tuple[float, float]:
-        """Without bounds but absolute zero: a flux does not know where it leads."""
+        """Only bounded by absolute zero: a flux sets no temperature."""
         return 0.0, np.inf
 
 
 @dataclass(frozen=True)
 class PrescribedTemperature:
-    """A given surface temperature, K (essential condition); it has no flux of its own."""
+    """A prescribed surface temperature, K (essential condition); it has no flux of its own."""
 
     value: float

@@ -1,8 +1,8 @@
-"""Heat to the mould as it is measured: published curves, and what a curve says of contact.
+"""Measured heat flux to the mould: published curves, and the equivalent contact coefficient.
 
-A measured flux q is that of good contact between a surface at Ts and a wall at Tw. It stands for
-the coefficient q/(Ts - Tw), with which a gap is in series as with any other, (301): without a gap
-the flux is q whatever the temperature, with one it is less.
+A measured flux q belongs to good contact between a surface at Ts and a wall at Tw. It is equivalent
+to the coefficient q/(Ts - Tw), in series with a gap like any other, (301): without a gap the flux
+is q at any temperature, with a gap it is smaller.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -18,9 +18,9 @@ import numpy as np
 from castfem.base.types import Array
 
 NEAREST = 10.0
-"""K: a surface nearer to the wall has the coefficient that the flux stands for at this excess.
+"""K: smallest temperature difference for the coefficient; it is constant below.
 
-So no measured flux cools a strand below the wall that takes it.
+So no measured flux cools a strand below the wall temperature.
 """
 WATER = 4.17e6
 """J/(m3 K): heat capacity of water at 25 to 40 degC (4.18 kJ/(kg K), 997 to 992 kg/m3)."""
@@ -30,7 +30,7 @@ def with_slope(function: Callable[[Array], Array], temperature: Array) -> tuple[
     """Tabulated values at temperatures (...), K, and their derivative, a difference quotient.
 
     Args:
-        function: Asked once for all temperatures (3, ...), since calls cost more than values.
+        function: Called once for all temperatures (3, ...), since calls cost more than values.
         temperature: The temperatures.
     """
     half = 1e-3  # K
@@ -44,27 +44,27 @@ Value = float | Callable[[float], float]
 
 @dataclass(frozen=True, slots=True)
 class MouldFlux:
-    """A published heat flux of moulds over the time that the strand has been in them."""
+    """A published mould heat flux over the time in the mould."""
 
     formula: Callable[[float], float]  #: W/m2 at a time since the meniscus, s
     until: float  #: end of its range, s
-    kinks: tuple[float, ...]  #: where its slope jumps, s
-    source: str  #: whose it is, and where it was read
+    kinks: tuple[float, ...]  #: times at which its slope jumps, s
+    source: str  #: its authors, and where it was read
 
     @property
     def checked(self) -> bool:
-        """Whether it was compared with a work that has it, rather than taken from memory."""
+        """Whether it was compared with a publication rather than quoted from memory."""
         return "memory" not in self.source
 
 
 MOULD_FLUXES: dict[str, MouldFlux] = {}
-"""The published fluxes by the name that a case file gives them."""
+"""The published fluxes by their names in case files."""
 
 
 def mould_flux(
     until: float, source: str, kinks: tuple[float, ...] = ()
 ) -> Callable[[Callable[[float], float]], Callable[[float], float]]:
-    """Enter a formula into `MOULD_FLUXES` under its own name; the rest as in `MouldFlux`."""
+    """Register a formula in `MOULD_FLUXES` under its own name; arguments as in `MouldFlux`."""
 
     def enter(formula: Callable[[float], float]) -> Callable[[float], float]:
         MOULD_FLUXES[formula.__name__] = MouldFlux(formula, until, kinks, source)
@@ -77,7 +77,7 @@ def mould_flux(
 def savage_pritchard(time: float) -> float:
     """Savage and Pritchard (1954): 2.68 - 0.335 sqrt(t) MW/m2.
 
-    It is 0 at 64 s; used here to 32 s, half of that.
+    It is 0 at 64 s; used here up to 32 s, half of that.
     """
     return 1e6 * (2.68 - 0.335 * math.sqrt(time))
 
@@ -86,7 +86,7 @@ def savage_pritchard(time: float) -> float:
 def brimacombe(time: float) -> float:
     """Lait, Brimacombe and Weinberg (1974): 2.67 - 0.22 sqrt(t) MW/m2.
 
-    It is 0 at 147 s; used here to 73 s, half of that.
+    It is 0 at 147 s; used here up to 73 s, half of that.
     """
     return 1e6 * (2.67 - 0.22 * math.sqrt(time))
 
@@ -99,10 +99,10 @@ def li_thomas(time: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class CoefficientCurve:
-    """A coefficient of contact that changes on the way or with the temperature."""
+    """A contact coefficient that depends on time or temperature."""
 
     value: Value = 0.0  #: W/(m2 K), over the time since the meniscus, s
-    #: instead of it, over surface temperatures (n,), K
+    #: instead, over surface temperatures (n,), K
     over_temperature: Callable[[Array], Array] | None = None
 
     def of(self, temperature: Array, time: float, wall: float) -> tuple[Array, Array]:
@@ -112,10 +112,10 @@ class CoefficientCurve:
 
 @dataclass(frozen=True, slots=True)
 class FluxCurve:
-    """The coefficient that a measured flux of good contact stands for."""
+    """The contact coefficient equivalent to a measured flux of good contact."""
 
     value: Value = 0.0  #: W/m2, over the time since the meniscus, s
-    #: instead of it, over surface temperatures (n,), K
+    #: instead, over surface temperatures (n,), K
     over_temperature: Callable[[Array], Array] | None = None
 
     def of(self, temperature: Array, time: float, wall: float) -> tuple[Array, Array]:
@@ -131,7 +131,7 @@ Curve = CoefficientCurve | FluxCurve
 
 
 def _value(curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]:
-    """What a curve has at surface temperatures (n,) and its derivative with them."""
+    """Value of a curve at surface temperatures (n,), and its derivative."""
     of_surface = curve.over_temperature
     if of_surface is not None:
         return with_slope(of_surface, temperature)
@@ -141,7 +141,7 @@ def _value(curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A function of time, times a factor, which may be one as well."""
+    """A function of time, times a factor, which may also be a function."""
 
     factor: Value
     value: Value
@@ -163,8 +163,8 @@ def heat_to_mould(
     Args:
         value: Flux over the time since the meniscus, W/m2.
         speed: Casting speed over it, m/s.
-        between: The times at which the slice comes to both ends, s.
-        kinks: Instants at which the slope of flux or speed jumps, s.
+        between: Times at which the slice reaches both ends, s.
+        kinks: Times at which the slope of flux or speed jumps, s.
     """
     from scipy.integrate import quad
 

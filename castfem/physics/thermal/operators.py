@@ -1,4 +1,4 @@
-"""Matrices of the heat balance, which several steels may share, and options of its solvers."""
+"""Matrices of the heat balance, shared by several steels, and solver options."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ def default_options(ranks: int) -> dict[str, object]:
 
 
 def direct_options(ranks: int) -> dict[str, object]:
-    """Options of the solver that takes over where the iterative one fails."""
+    """Options of the fallback solver, used where the iterative one fails."""
     return {**NEWTON, **DIRECT, **(SERIAL_LU if ranks == 1 else PARALLEL_LU)}
 
 
 @dataclass(frozen=True, slots=True)
 class Operators:
-    """What all heat balances on a section share, of whatever steel."""
+    """Data that all heat balances on a section share, for any steel."""
 
-    laplacian: PETSc.Mat  #: of the section, L
-    area: Array  #: of each owned vertex (owned,), m2
-    conduction: fem.Form | None  #: form of L, for a slice that moves; None if it does not
-    theta: PETSc.Vec  #: vector to compute with
-    work: PETSc.Vec  #: likewise
+    laplacian: PETSc.Mat  #: Laplacian of the section, L
+    area: Array  #: area of each owned vertex (owned,), m2
+    conduction: fem.Form | None  #: form of L, for a moving slice; None if it does not move
+    theta: PETSc.Vec  #: work vector
+    work: PETSc.Vec  #: work vector
 
     @classmethod
     def on(cls, section: Section, shape: Shape | None) -> Operators:
-        """Those of the slice as it is, or as it has moved (collective)."""
+        """Make the operators of the slice, undeformed or deformed (collective)."""
         space, mesh = section.vertex_space, section.mesh
         u, v, dx = ufl.TrialFunction(space), ufl.TestFunction(space), slice_measure(mesh)
         if shape is None:

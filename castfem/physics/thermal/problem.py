@@ -20,9 +20,9 @@ freezing.  Other quadrilaterals, as they stand round an arc, give L some positiv
 diagonal, up to 7 % of it, and the shear of the shell as many as it has strain; there the maximum
 principle holds but for hundredths of a kelvin (docs/thermal.md).
 
-Of a slice that moves, H is per volume that the steel had when it froze, and M the volume that each
-vertex' steel fills then: that of the undeformed slice times `filled`, which follows the shape while
-there is liquid to feed it and stays as it is in what has frozen (docs/coupling.md).
+For a moving slice, H is per volume of the steel when it froze, and M the present volume of each
+vertex' steel: that of the undeformed slice times `filled`, which follows the shape while there is
+liquid to feed it, and is constant in solid (docs/coupling.md).
 """
 
 from __future__ import annotations
@@ -52,25 +52,26 @@ ITERATED, FACTORED = "thermal_", "thermal_direct_"  # prefixes of the solvers
 
 @dataclass(frozen=True, slots=True)
 class BalanceLimits:
-    """How well the heat balance of the whole section closes."""
+    """Tolerances of the heat balance of the whole section."""
 
-    newton: float = 1e-7  # of the heat stored in a stage: what Newton's method may leave open
-    per_kelvin: float = 1e-2  # likewise, 1/K, where a tolerance for the vertices allows more
-    spread: float = 10.0  # times that: largest correction that closes the heat balance
-    rounding: float = 64 * np.finfo(float).eps  # of all heat in a sum
+    # allowed residual of Newton's method, relative to the heat stored in a stage
+    newton: float = 1e-7
+    per_kelvin: float = 1e-2  # the same per kelvin, where the tolerance of the vertices allows more
+    spread: float = 10.0  # largest correction that closes the heat balance, relative to that
+    rounding: float = 64 * np.finfo(float).eps  # rounding, relative to all heat in a sum
 
 
 LIMITS = BalanceLimits()
 TIGHT = 1e-7
-"""K: tolerance of a vertex where nothing says how accurate a step in time is."""
+"""K: tolerance of a vertex if no accuracy of the time steps is given."""
 OF_STEP = 2e-4
-"""Of the error that a step in time may have: tolerance of a vertex, below which nothing is won."""
+"""Fraction of the allowed time step error used as tolerance of a vertex; less gains nothing."""
 LOOSEST = 1e-2
-"""K: likewise of steps that may err by as much as they like. A first guess is no solution."""
+"""K: largest tolerance, for steps without an error limit."""
 
 
 def tolerance_of_steps(error: float) -> float:
-    """Tolerance of a vertex (K) for adaptive steps that may each have an error (K)."""
+    """Tolerance of a vertex (K) for adaptive steps with an allowed error (K)."""
     return min(OF_STEP * error, LOOSEST)
 
 
@@ -80,24 +81,24 @@ class Stage:
 
     enthalpy: Array  #: H at the owned vertices (owned,), J/m3
     rate: Array  #: dH/dt (owned,), W/m3
-    point: CurvePoint  #: temperature and slopes that belong to the solution
-    out: float  #: heat that leaves through this rank's part of the surface, W/m
-    generated: float  #: heat that appears inside this rank's part of the section, W/m
-    result: SolveResult  #: how the solver ended
-    tau: float  #: its coefficient, s
-    time: float  #: since the meniscus, s
+    point: CurvePoint  #: temperature and slopes of the solution
+    out: float  #: heat through this rank's part of the surface, W/m
+    generated: float  #: heat generated in this rank's part of the section, W/m
+    result: SolveResult  #: result of the solver
+    tau: float  #: coefficient of the stage, s
+    time: float  #: time since the meniscus, s
 
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """What `ThermalProblem` knows at one enthalpy."""
+    """Values of `ThermalProblem` for one enthalpy."""
 
     enthalpy: Array
     point: CurvePoint
-    flow: Array  #: heat that leaves each vertex (owned,), W/m
-    slope: Array  #: its part by the surface, d/dT
-    out: float  #: heat that leaves this rank's surface, W/m
-    gross: float  #: the same without regard to sign
+    flow: Array  #: heat leaving each vertex (owned,), W/m
+    slope: Array  #: its surface part, derivative by T
+    out: float  #: heat leaving this rank's surface, W/m
+    gross: float  #: the same as a sum of absolute values
 
 
 class ThermalProblem:
@@ -106,18 +107,18 @@ class ThermalProblem:
     Args:
         section: The distributed section.
         curve: T(H) and theta(H) of the steel.
-        options: PETSc options that win over the defaults.
-        tolerance: Largest imbalance left at a vertex, as a change of its temperature, K.
-        watch: Charged with the time spent here.
-        shape: Where the slice is; None if it does not move.
-        operators: Of another heat balance on the section; made anew if None.
+        options: PETSc options, which take precedence over the defaults.
+        tolerance: Largest residual of a vertex, as a change of its temperature, K.
+        watch: Stopwatch for the time spent here.
+        shape: Shape of the slice; None if it does not move.
+        operators: Operators of another heat balance on the section; None to make new ones.
 
     Attributes:
-        area: Area that belongs to each owned vertex (owned,), m2.
-        filled: Volume that its steel fills, over that of the undeformed slice (owned,).
-        volume: Both together, M (owned,), m2.
-        warming: Fastest rise of a temperature by heat generated inside, K/s.
-        iterations: Newton iterations since the start. stages: Stages solved since the start.
+        area: Area of each owned vertex (owned,), m2.
+        filled: Volume of its steel, relative to the undeformed slice (owned,).
+        volume: Product of both, M (owned,), m2.
+        warming: Fastest temperature rise by heat generated inside, K/s.
+        iterations: Total Newton iterations. stages: Number of stages solved.
     """
 
     def __init__(
@@ -153,7 +154,7 @@ class ThermalProblem:
         self._state = self._evaluate(np.zeros_like(self.area))
 
     def _solver(self, prefix: str) -> SnesSolver:
-        """The solver of a prefix, made when it is needed first."""
+        """The solver with a prefix, made on first use."""
         if prefix not in self._solvers:
             iterated = prefix == ITERATED
             eased = iterated and self.tolerance > TIGHT
@@ -165,12 +166,12 @@ class ThermalProblem:
         return self._solvers[prefix]
 
     def _scale_operators(self) -> None:
-        """What norms measure against."""
+        """Update the reference values of the norms."""
         self._laplacian_diagonal = self._laplacian.getDiagonal().getArray().copy()
         self._stiffness = self._laplacian_diagonal * self.curve.reference_diffusivity
 
     def follow_shape(self) -> None:
-        """Conduct through the slice as it is now; its surface follows by `Surface.follow_shape`."""
+        """Conduct on the present deformed slice; `Surface.follow_shape` updates its surface."""
         with self.watch.section("assembly"):
             assert self._operators.conduction is not None
             assemble_into(self._laplacian, self._operators.conduction, [])
@@ -178,11 +179,11 @@ class ThermalProblem:
         self._state = self._evaluate(self._state.enthalpy)
 
     def fill(self, filled: Array) -> None:
-        """From now on the vertices' steel fills these shares of the undeformed slice (owned,)."""
+        """Set the volumes of the vertices' steel, relative to the undeformed slice (owned,)."""
         self.filled, self.volume = filled, self.area * filled
 
     def set_cooling(self, cooling: Cooling) -> None:
-        """Cool the surface as `cooling` says from now on."""
+        """Cool the surface by `cooling` from now on."""
         self.cooling = cooling
         dofs = [patch.dofs for patch, _ in cooling.prescribed]
         values = [np.full(len(patch.dofs), law.value) for patch, law in cooling.prescribed]
@@ -191,16 +192,16 @@ class ThermalProblem:
 
     @property
     def fixed(self) -> npt.NDArray[np.int64]:
-        """Owned vertices whose temperature is given."""
+        """Owned vertices with a prescribed temperature."""
         return self._fixed
 
     @property
     def fixed_enthalpy(self) -> Array:
-        """H at those (n,), J/m3."""
+        """H at these vertices (n,), J/m3."""
         return self._fixed_value
 
     def set_source(self, source: Array) -> None:
-        """Heat generated inside from now on: `source` at the owned vertices (owned,), W/m3.
+        """Set the heat generated inside: `source` at the owned vertices (owned,), W/m3.
 
         The plastic dissipation of the mechanics enters here.
         """
@@ -211,16 +212,16 @@ class ThermalProblem:
     def solve_stage(self, base: Array, guess: Array, tau: float, time: float) -> Stage:
         """Solve M (H - base) + tau (heat that leaves) = 0.
 
-        What the stage stores and what leaves through the surface agree to rounding.
+        The heat stored in the stage and the heat through the surface agree to rounding.
 
         Args:
             base: H_base (owned,), J/m3.
-            guess: Where Newton starts (owned,), J/m3.
+            guess: Start of Newton's method (owned,), J/m3.
             tau: Coefficient of the stage, s.
             time: Time of the stage since the meniscus, s.
 
         Returns:
-            The stage; look at `result.converged` first.
+            The stage; check `result.converged` first.
         """
         self._base, self._tau, self._time = base, tau, time
         start = guess.copy()
@@ -235,7 +236,7 @@ class ThermalProblem:
             log.logger.debug("the linear solver of %s has failed", prefix)
         self.stages += 1
         solution = solver.x.getArray(readonly=True)
-        # One rank's part may be the same, and another's not (a NaN never is); it takes them all.
+        # One rank's part may be unchanged while another's is not (a NaN never is); all must agree.
         moved = not np.array_equal(solution, self._state.enthalpy)
         if reductions.any_of(self.section.comm, moved):
             self._state = self._evaluate(solution)
@@ -244,15 +245,15 @@ class ThermalProblem:
     def _close(self, solution: Array, result: SolveResult) -> Stage:
         """Close the heat balance of the whole section over the solved stage, to rounding.
 
-        What Newton's method left open is spread over the vertices in proportion to their change.
-        Near a steady state, where next to nothing changes while much heat flows through, there is
-        nothing to spread it over, and it is left.
+        The residual of Newton's method is distributed over the vertices in proportion to their
+        change. Near a steady state, where almost nothing changes while much heat flows through,
+        this is not possible, and the residual remains.
         """
         state, base, tau = self._state, self._base, self._tau
         change = solution - base
         out = state.out
         if len(self._fixed):
-            # A prescribed temperature removes whatever the balance of its vertices leaves over.
+            # A prescribed temperature absorbs the residual of its vertices.
             reaction = -(self.volume * change / tau + state.flow)[self._fixed]
             out += float(reaction.sum())
         free = np.abs(change)
@@ -323,25 +324,25 @@ class ThermalProblem:
         return True
 
     def new_matrix(self) -> PETSc.Mat:
-        """A matrix of the Laplacian's pattern, the caller's to destroy."""
+        """Return a matrix with the Laplacian's pattern; the caller destroys it."""
         matrix = self._laplacian.copy()
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         return matrix
 
     def conduction_matrix(self, tau: float, out: PETSc.Mat) -> None:
-        """Put tau L into a matrix of `new_matrix`; it is symmetric."""
+        """Write tau L to a matrix from `new_matrix`; it is symmetric."""
         self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         out.scale(tau)
 
     def conducted(self, conduction: Array) -> Array:
-        """Heat that leaves each vertex by conduction (owned,), W/m, of theta (owned,), W/m."""
+        """Heat leaving each vertex by conduction (owned,), W/m, from theta (owned,), W/m."""
         with self.watch.section("petsc"):
             self._theta.setArray(conduction)
             self._laplacian.mult(self._theta, self._work)
         return self._work.getArray().copy()
 
     def of_curve(self, curve: ThermalCurve) -> ThermalProblem:
-        """The heat balance of another steel on the same mesh, cooled and filled as this one is now.
+        """The heat balance of another steel on the same mesh, with the present cooling and filling.
 
         It shares the operators: use the two in turn, and destroy this one last.
         """
@@ -354,9 +355,9 @@ class ThermalProblem:
         return other
 
     def surface_flow(self, point: CurvePoint, rate: Array, time: float) -> Array:
-        """Heat that leaves the strand at each vertex (owned,), W/m; zero inside.
+        """Heat leaving the strand at each vertex (owned,), W/m; zero inside.
 
-        Where the temperature is prescribed it is what the heat balance leaves over.
+        With a prescribed temperature it is the residual of the heat balance.
         """
         flow = np.zeros_like(self.area)
         for patch, law in self.cooling.laws:
@@ -369,10 +370,10 @@ class ThermalProblem:
         return flow
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
-        """What is left open, over what may be left open.
+        """Residuals relative to their tolerance.
 
-        "heat" is the largest imbalance of a vertex, as the change of its temperature that would
-        mend it.  "balance" is that of the whole section against the heat it stores in the stage:
+        "heat" is the largest residual of a vertex, as the change of its temperature that would
+        close it. "balance" is that of the whole section relative to the heat stored in the stage:
         where conduction is much faster than the step, the first alone would let the mean drift.
         """
         state, comm = self._state, self.section.comm
@@ -381,7 +382,7 @@ class ThermalProblem:
         worst = reductions.largest(comm, np.abs(residual) / scale)
         sizes = {"heat": worst / self.curve.reference_capacity / self.tolerance}
         if sizes["heat"] <= 1.0:
-            # What rounding leaves of sums of this size cannot be mended.
+            # Rounding of sums of this size cannot be removed.
             rounding = self._tau * (
                 self._laplacian_diagonal @ np.abs(state.point.conduction) + state.gross
             )

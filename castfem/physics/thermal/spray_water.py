@@ -1,7 +1,7 @@
-"""Water of many nozzles on a face, what heat it takes, and what a roll takes beside it.
+"""Water of many nozzles on a face, its heat transfer, and the heat taken by a roll beside it.
 
 Where sprays overlap their *water* adds up, not their coefficients ([Pascon2003] VI.2.1): h follows
-from the sum, and grows more slowly than it.
+from the sum, and grows more slowly.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ from castfem.physics.thermal.sprays import Correlation
 
 
 class Coefficient(Protocol):
-    """A model of nozzle: h of the water that falls on a surface."""
+    """Heat transfer coefficient h of a nozzle model for the water on a surface."""
 
     def __call__(self, water: Array, surface: Array) -> Array:
-        """H, W/m2K (n,), of water flows, kg/(m2 s) (n,), and surface temperatures, K (n,)."""
+        """Return h, W/m2K (n,), for flows, kg/(m2 s) (n,), and surface temperatures, K (n,)."""
 
     def with_slope(self, water: Array, surface: Array) -> tuple[Array, Array]:
-        """The same, and its derivative with the temperature (n,), W/m2K2."""
+        """Return h and its derivative by the temperature (n,), W/m2K2."""
 
 
 @dataclass(frozen=True)
 class CoefficientTable:
-    """h(T, W) in rows and columns: bilinear between them, beyond them as at their end.
+    """h(T, W) in rows and columns: bilinear between them, constant beyond.
 
     Raises:
-        ValueError: They do not fit or do not increase.
+        ValueError: The sizes do not fit, or the arguments do not increase.
     """
 
-    temperatures: tuple[float, ...]  #: of the surface, increasing (t,), K
+    temperatures: tuple[float, ...]  #: surface temperatures, increasing (t,), K
     water: tuple[float, ...]  #: flows per area, increasing from 0 (w,), kg/(m2 s)
     values: tuple[tuple[float, ...], ...] = field(repr=False)  #: h (t, w), W/m2K
 
     def __post_init__(self) -> None:
         for name, axis in (("temperatures", self.temperatures), ("water", self.water)):
             if len(axis) < 2 or any(not b > a for a, b in itertools.pairwise(axis)):
-                raise ValueError(f"{name} must be at least two and increase")
+                raise ValueError(f"at least two increasing {name} are needed")
         if self._arrays[2].shape != (len(self.temperatures), len(self.water)):
             raise ValueError("a coefficient is needed for each temperature and flow")
 
@@ -77,7 +77,7 @@ class CoefficientTable:
 
 
 def _place(knots: Array, at: Array) -> tuple[Indices, Array]:
-    """Interval of each value, and the share of it that lies below; the ends hold beyond."""
+    """Interval of each value, and relative position in it; constant beyond the ends."""
     i = knots[1:-1].searchsorted(at, side="right")
     share = (at - knots[i]) / (knots[i + 1] - knots[i])
     return i, np.minimum(np.maximum(share, 0.0), 1.0)
@@ -85,14 +85,14 @@ def _place(knots: Array, at: Array) -> tuple[Indices, Array]:
 
 @dataclass(frozen=True, slots=True)
 class OfCorrelation:
-    """The coefficient of a published correlation for any flow from 0 on.
+    """The coefficient of a published correlation for any flow from 0.
 
-    Below the least flow that it was measured for h falls to 0 with the flow: without water there is
-    none of it, and at the edge of a spray nothing jumps.
+    Below the smallest measured flow h is proportional to the flow: zero without water, so that
+    there is no jump at the edge of a spray.
     """
 
-    correlation: Correlation  #: the formula
-    water_temperature: float  #: K
+    correlation: Correlation  #: the correlation
+    water_temperature: float  #: temperature of the water, K
     machine_factor: float = 1.0  #: divides the coefficient
 
     def __call__(self, water: Array, surface: Array) -> Array:
@@ -108,16 +108,17 @@ class OfCorrelation:
 
 
 def water_across(places: Array, nozzles: Sequence[float], width: float, edge: float) -> Array:
-    """Share of its water that reaches a metre of width, summed over nozzles of one kind, 1/m (n,).
+    """Water per metre of width over that of one nozzle, summed over equal nozzles, 1/m (n,).
 
-    The water of a nozzle is even over the middle of its spray and falls linearly to zero at its
+    The water of a nozzle is uniform in the middle of its spray and falls linearly to zero at its
     ends; it integrates to 1.
 
     Args:
-        places: Across the face, from its middle (n,), m.
-        nozzles: Where they stand, likewise, m.
-        width: Of a spray, m.
-        edge: Share of the half width over which its water falls: 0 even all over, 1 a triangle.
+        places: Positions across the face, from its middle (n,), m.
+        nozzles: Positions of the nozzles, likewise, m.
+        width: Width of a spray, m.
+        edge: Fraction of the half width over which the water falls: 0 for uniform, 1 for a
+            triangle.
     """
     apart = np.abs(np.asarray(places)[:, None] - np.asarray(nozzles)[None, :]) / (0.5 * width)
     shape = (1.0 - apart) / edge if edge > 0.0 else np.where(apart <= 1.0, 1.0, 0.0)
@@ -126,24 +127,24 @@ def water_across(places: Array, nozzles: Sequence[float], width: float, edge: fl
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """What a row of nozzles adds to the water of a face."""
+    """Contribution of a row of nozzles to the water on a face."""
 
-    water: Array  #: on each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s)
-    flow: Callable[[float], float]  #: of the circuit over time, m3/s
-    most: float  #: the largest, m3/s
-    coefficient: Coefficient  #: h of its model of nozzle
+    water: Array  #: water at each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s)
+    flow: Callable[[float], float]  #: flow of the circuit over time, m3/s
+    most: float  #: largest flow, m3/s
+    coefficient: Coefficient  #: coefficient of its nozzle model
 
 
 @dataclass(frozen=True, slots=True)
 class SprayWater(SurfaceLaw):
-    """Heat to the water of all rows that spray a face at one place along the strand.
+    """Heat to the water of all rows that spray a face at one position along the strand.
 
-    Nozzles of several models: h is the mean of theirs, each at the sum of the water, weighted with
-    its share of it.
+    With several nozzle models h is the mean of theirs, each at the total water, weighted with its
+    part of the water.
     """
 
-    rows: tuple[Share, ...]  #: what each adds
-    water_temperature: float  #: K
+    rows: tuple[Share, ...]  #: contribution of each row
+    water_temperature: float  #: temperature of the water, K
 
     def flows(self, time: float) -> list[Array]:
         """Water of each row at a time, kg/(m2 s) (n,)."""
@@ -155,8 +156,8 @@ class SprayWater(SurfaceLaw):
         return _flux(coefficients, self.flows(time), self.water_temperature, temperature)
 
     def least_rise(self, temperatures: Array, time: float) -> Array:
-        """See `SurfaceLaw.least_rise` (n,), at the largest flows."""
-        grid = temperatures[::5]  # as close as it takes
+        """See `SurfaceLaw.least_rise` (n,); for the largest flows."""
+        grid = temperatures[::5]  # sufficiently dense
         most = tuple(((row.water * row.most).tobytes(), row.coefficient) for row in self.rows)
         return _least_rise(most, self.water_temperature, grid.tobytes())
 
@@ -168,7 +169,7 @@ class SprayWater(SurfaceLaw):
 def _heat_transfer(
     coefficients: Sequence[Coefficient], flows: Sequence[Array], surface: Array
 ) -> tuple[Array, Array]:
-    """H at the water of each row, kg/(m2 s), and surface temperatures, K, and its derivative."""
+    """Return h for the water of each row, kg/(m2 s), and surfaces, K, with its derivative."""
     total = sum(flows[1:], start=flows[0])
     first = coefficients[0]
     if all(one == first for one in coefficients[1:]):
@@ -187,19 +188,19 @@ def _flux(
     water_temperature: float,
     temperature: Array,
 ) -> tuple[Array, Array]:
-    """Heat flux at the water of each row, and its derivative, see `SurfaceLaw.flux`."""
+    """Heat flux for the water of each row, and its derivative, see `SurfaceLaw.flux`."""
     h, slope = _heat_transfer(coefficients, flows, temperature)
     excess = temperature - water_temperature
     return h * excess, h + slope * excess
 
 
-@lru_cache(maxsize=1024)  # the slices of a strand come past the same rows, each with its own laws
+@lru_cache(maxsize=1024)  # the slices of a strand pass the same rows, each with its own laws
 def _least_rise(
     rows: tuple[tuple[bytes, Coefficient], ...], water_temperature: float, grid: bytes
 ) -> Array:
-    """Least rise of the flux at each vertex (n,), of the water of each row there and of its h.
+    """Smallest rise of the flux at each vertex (n,), from the water of each row there and its h.
 
-    Arrays are given by their bytes, which can be compared.
+    Arrays are passed as bytes, which can be compared.
     """
     temperatures = np.frombuffer(grid)
     water = [np.frombuffer(one)[:, None] for one, _ in rows]
@@ -214,15 +215,15 @@ def _least_rise(
 
 @dataclass(frozen=True, slots=True)
 class RollShare(SurfaceLaw):
-    """Heat to a roll as a share of what its pitch loses in all ([Meng2003])."""
+    """Heat to a roll as a fraction of the total heat loss of its pitch ([Meng2003])."""
 
-    share: float  #: of the roll
-    length: float  #: of contact, m
-    #: length, m, and law of all else that cools the pitch
+    share: float  #: fraction taken by the roll
+    length: float  #: length of contact, m
+    #: length, m, and law of all other cooling in the pitch
     beside: tuple[tuple[float, SurfaceLaw], ...]
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
-        """See `SurfaceLaw.flux`; the surface is as warm all along the pitch as it is here."""
+        """See `SurfaceLaw.flux`; the surface temperature is taken as uniform along the pitch."""
         flux, slope = np.zeros((2, *temperature.shape))
         for length, law in self.beside:
             q, dq = law.flux(temperature, time)
@@ -234,7 +235,7 @@ class RollShare(SurfaceLaw):
         return self.share / (1.0 - self.share) / self.length
 
     def least_rise(self, temperatures: Array, time: float) -> float | Array:
-        """See `SurfaceLaw.least_rise`: no less than that of all laws together."""
+        """See `SurfaceLaw.least_rise`: at least that of all laws together."""
         total: float | Array = 0.0
         for length, law in self.beside:
             total = total + length * np.minimum(law.least_rise(temperatures, time), 0.0)

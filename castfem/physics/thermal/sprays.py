@@ -1,8 +1,8 @@
 """Heat transfer coefficients of water sprays by published correlations.
 
-Each gives h (W/m2K) for water per area W (L/m2s, the same number as kg/m2s), the water's
-temperature and the surface's.  Sources as gathered in `docs/materials.md`; outside the stated range
-a correlation extrapolates.  A factor of two between them is what is honestly known.
+Each gives h (W/m2K) for water per area W (L/m2s, the same number as kg/m2s), and temperatures of
+water and surface. Sources as listed in `docs/materials.md`; outside its stated range a correlation
+extrapolates. They differ by a factor of two, which is the present uncertainty.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
 
 Flow = float | Array
-"""Water on a surface, L/(m2 s): one flow, or one a vertex (n,)."""
+"""Water on a surface, L/(m2 s): one flow, or one per vertex (n,)."""
 Formula = Callable[[Flow, float, Array], Array]
-"""h, W/m2K (n,), of the water, L/(m2 s), the water's temperature, K, and surfaces (n,), K."""
+"""h, W/m2K (n,), for the water flow, L/(m2 s), its temperature, K, and surfaces (n,), K."""
 
 WATER_DENSITY = 1e3  # kg/m3
 WENDELSTORF_MOST = 30.0  # L/(m2 s)
@@ -30,24 +30,23 @@ WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
 class Correlation:
     """A published correlation."""
 
-    formula: Formula  #: the coefficient
-    #: least and largest flow that it was measured for, L/(m2 s)
+    formula: Formula  #: formula of the coefficient
+    #: smallest and largest measured flow, L/(m2 s)
     water: tuple[float, float] = (0.0, math.inf)
-    #: coldest and hottest surface of the measurements, K; of `wendelstorf`, of its excess over the
-    #: water
+    #: lowest and highest measured surface temperature, K; for `wendelstorf` relative to the water
     surface: tuple[float, float] = (0.0, math.inf)
-    excess: bool = False  #: whether it is the excess
-    held: str = ""  #: what is taken beyond the largest flow; empty: the formula is extrapolated
+    excess: bool = False  #: whether `surface` is relative to the water
+    held: str = ""  #: what is constant beyond the largest flow; "": the formula is extrapolated
 
     def coefficient(
         self, water: Flow, water_temperature: float, machine_factor: float, surface: Array
     ) -> Array:
-        """Coefficient at surface temperatures (n,), K, divided by the factor of the machine."""
+        """Coefficient at surface temperatures (n,), K, divided by the machine factor."""
         return np.asarray(self.formula(water, water_temperature, surface) / machine_factor)
 
 
 CORRELATIONS: dict[str, Correlation] = {}
-"""The correlations by the name that a case file gives them."""
+"""The correlations by their names in case files."""
 
 
 def correlation(
@@ -57,7 +56,7 @@ def correlation(
     excess: bool = False,
     held: str = "",
 ) -> Callable[[Formula], Formula]:
-    """Enter a formula into `CORRELATIONS` under its own name; ranges as in `Correlation`."""
+    """Register a formula in `CORRELATIONS` under its own name; ranges as in `Correlation`."""
 
     def enter(formula: Formula) -> Formula:
         CORRELATIONS[formula.__name__] = Correlation(formula, water, surface, excess, held)
@@ -96,7 +95,7 @@ def mizikar(water: Flow, water_temperature: float, surface: Array) -> Array:
 def sasaki(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Sasaki: 708 W^0.75 Ts^-1.2 + 0.116 kW/m2K, Ts in degC, 1.67 < W < 41.7 and 700-1200 degC.
 
-    Below 100 degC the formula's growth has no meaning; it is held there.
+    Constant below 100 degC, where the growth of the formula has no meaning.
     """
     celsius = np.maximum(surface - ZERO_CELSIUS, 100.0)
     return 1e3 * (708.0 * water**0.75 * celsius**-1.2 + 0.116)
@@ -112,8 +111,8 @@ def wendelstorf(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Wendelstorf, Spitzer and Wendelstorf (2008), with the rise below the Leidenfrost point.
 
     h = 190 + tanh(W/8) [140 W (1 - W dT/72000) + 3.26 dT^2 (1 - tanh(dT/128))], dT = Ts - Tw from
-    180 to 1100 K, W from 3 to 30.  dT is held at the ends of its range, W at the upper end of its:
-    beyond it the bracket falls with more water, and below zero with much more.
+    180 to 1100 K, W from 3 to 30. dT is limited to its range, W to the upper end of its range:
+    beyond it the bracket decreases with more water, and becomes negative with much more.
     """
     water = np.minimum(water, WENDELSTORF_MOST)
     dt = np.clip(surface - water_temperature, *WENDELSTORF_EXCESS)

@@ -1,12 +1,13 @@
 """Time stepping of the heat balance: backward Euler and a second-order L-stable scheme.
 
-Both difference the enthalpy over the step, so heat is conserved to rounding at any step.
+Both use differences of the enthalpy over the step, so that heat is conserved to rounding at any
+step.
 
-Of a mode that decays x times as fast as the step is long SDIRK2 leaves R = (1 - (sqrt(2) - 1) x) /
-(1 + GAMMA x)^2: from x = 2.4 on it is carried past its rest, by up to a fifth of it, and comes back
-in the next step.  A cooling that jumps wakes such modes, and so does a front in coarse cells.  So a
-step is looked at before it is kept: if a vertex would come back after it, it is taken again with
-backward Euler in equal parts, which carry no vertex past its rest.
+For a mode that decays x times as fast as the step is long SDIRK2 leaves R = (1 - (sqrt(2) - 1) x) /
+(1 + GAMMA x)^2: from x = 2.4 on it overshoots its equilibrium, by up to a fifth, and comes back in
+the next step. Such modes are excited by jumps of the cooling, and by a front in coarse cells. So a
+step is checked before it is accepted: if a vertex would come back after it, it is repeated with
+backward Euler in equal parts, with which no vertex overshoots.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from castfem.physics.thermal.problem import Stage, ThermalProblem
 
 # Alexander's two-stage, stiffly accurate, L-stable scheme (SIAM J. Numer. Anal. 14 (1977) 1006).
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
-# Weights of the interpolatory quadrature on (0, GAMMA, 1) less those of the scheme, (0, 1 - GAMMA,
+# Weights of the interpolatory quadrature on (0, GAMMA, 1) minus those of the scheme, (0, 1 - GAMMA,
 # GAMMA).
 DEFECT = (
     (3 * GAMMA - 1) / (6 * GAMMA),
@@ -35,29 +36,32 @@ DEFECT = (
 
 @dataclass(frozen=True, slots=True)
 class RangeLimits:
-    """How far temperatures may exceed the bounds set by old temperatures and surroundings."""
+    """Allowed excess of temperatures beyond the bounds from old temperatures and surroundings."""
 
-    sheared: float = 0.01  # of the range: a sheared mesh keeps the maximum principle but for that
-    warmer: float = 2.0  # heat generated inside, over what it warms at the capacity of reference
-    stray: float = 5e-3  # of the range: how far a mesh without the maximum principle may leave it
-    stray_sheared: float = 2e-2  # the same of a sheared mesh
-    rounding: float = 1e-6  # K, what rounding may add
-    solver: float = 10.0  # of the tolerance of a vertex: what the solver may add
+    # fraction of the range: a sheared mesh satisfies the maximum principle only up to this
+    sheared: float = 0.01
+    # heat generated inside, relative to its warming at the reference heat capacity
+    warmer: float = 2.0
+    # fraction of the range by which a mesh without the maximum principle may leave it
+    stray: float = 5e-3
+    stray_sheared: float = 2e-2  # the same for a sheared mesh
+    rounding: float = 1e-6  # K, for rounding
+    solver: float = 10.0  # multiple of the tolerance of a vertex, for the solver
 
 
 @dataclass(frozen=True, slots=True)
 class Damping:
-    """When a second-order step is taken again with backward Euler.
+    """Conditions for repeating a second-order step with backward Euler.
 
-    A mode carried past its rest comes back by at most 0.52 of what the rates of its step may err
-    by; a vertex that turns in truth (steel that still cools below a surface that warms again) by
-    more than 0.9, for its rates are small where it turns.
+    An overshooting mode comes back by at most 0.52 of the error of its step's rates; a vertex that
+    truly reverses (steel that still cools below a surface that warms again) by more than 0.9, since
+    its rates are small where it reverses.
     """
 
-    parts: int = 4  # of such a step
-    rebound: float = 0.2  # K, by which a vertex may come back after a step
-    comes_back: float = 0.75  # of the error of its rates: by which one may that was carried past
-    controlled: float = 1.0  # K, estimated error below which none has been seen to come back
+    parts: int = 4  # number of backward Euler steps
+    rebound: float = 0.2  # K by which a vertex may come back after a step
+    comes_back: float = 0.75  # fraction of the error of its rates up to which this is an overshoot
+    controlled: float = 1.0  # K: with a smaller estimated error none has been observed to come back
 
 
 RANGE, DAMPING = RangeLimits(), Damping()
@@ -67,48 +71,48 @@ RANGE, DAMPING = RangeLimits(), Damping()
 class ThermalState:
     """The committed thermal state."""
 
-    time: float  #: since the meniscus, s
+    time: float  #: time since the meniscus, s
     enthalpy: Array  #: H (owned,), J/m3
     rate: Array  #: dH/dt (owned,), W/m3
-    point: CurvePoint  #: T(H) and its companions
+    point: CurvePoint  #: T(H) with its slopes
     removed: float  #: heat removed since the meniscus from the modelled part, J/m
     extremes: tuple[float, float]  #: coldest and hottest vertex of the section, K
     generated: float  #: heat generated inside the modelled part since the meniscus, J/m
-    next_rate: Array  #: dH/dt with which the next step is expected to begin (owned,), W/m3
-    #: coldest and hottest that the data have allowed since the meniscus, K; None before the first
-    #: step
+    next_rate: Array  #: dH/dt expected at the start of the next step (owned,), W/m3
+    #: lowest and highest temperature allowed by the data since the meniscus, K; None before the
+    #: first step
     allowed: tuple[float, float] | None = None
-    #: volume that the vertices' steel fills, over the undeformed one (owned,); empty where nothing
+    #: volume of the vertices' steel, relative to the undeformed one (owned,); empty if nothing
     #: moves
     filled: Array = field(default_factory=lambda: np.zeros(0))
-    #: heat that liquid has brought along as it was fed (negative: colder than poured), J/m
+    #: heat brought along by fed liquid (negative: colder than poured), J/m
     fed: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class StepResult:
-    """One attempted step."""
+    """Result of one attempted step."""
 
     converged: bool  #: whether the solver succeeded; if not, `state` is the old one
     state: ThermalState  #: the new state
     error: float  #: estimated temperature error of the step, K (largest vertex)
     newton: int  #: Newton iterations
-    #: whether the second-order step left the physical bounds, or would have come back, and backward
-    #: Euler was taken instead
+    #: whether the second-order step left the physical bounds, or would have come back, and was
+    #: replaced by backward Euler
     limited: bool
-    reason: str  #: the solver's word
-    balance: float  #: (heat out + change of enthalpy - heat generated) over the largest
-    #: that led to the new state: two of the second-order scheme, or parts of backward Euler
+    reason: str  #: reason given by the solver
+    balance: float  #: (heat out + change of enthalpy - heat generated) over the largest of them
+    #: stages of the new state: two of the second-order scheme, or parts of backward Euler
     stages: tuple[Stage, ...] = ()
 
 
 class ThermalStepper:
-    """Advances a `ThermalState` by one step; keeps no state of its own but the problem.
+    """Advances a `ThermalState` by one step; its only state is that of the problem.
 
     Args:
         problem: The heat balance.
         scheme: "sdirk2" or "backward_euler".
-        estimate: Whether to estimate the error of each step (adaptive stepping wants it).
+        estimate: Whether to estimate the error of each step (for adaptive stepping).
     """
 
     def __init__(
@@ -118,11 +122,11 @@ class ThermalStepper:
         self.comm = problem.section.comm
         self._branch = Branch(problem)
         self._slack = max(RANGE.rounding, RANGE.solver * problem.tolerance)
-        # Curve and bounds of temperature, K, and the enthalpies that they mean, J/m3.
+        # Curve, temperature bounds, K, and the corresponding enthalpies, J/m3.
         self._within = (problem.curve, (np.nan, np.nan)), (np.nan, np.nan)
 
     def initial(self, temperature: float) -> ThermalState:
-        """The slice at one temperature (K) at the meniscus."""
+        """State of the slice at a uniform temperature (K) at the meniscus."""
         curve, area = self.problem.curve, self.problem.area
         enthalpy = np.broadcast_to(curve.enthalpy(temperature), area.shape).copy()
         return self.state_from(0.0, enthalpy, np.zeros_like(area), 0.0)
@@ -139,7 +143,7 @@ class ThermalStepper:
         fed: float = 0.0,
         allowed: tuple[float, float] | None = None,
     ) -> ThermalState:
-        """A state from its stored arrays (checkpoint); `next_rate` is its rate if it has none."""
+        """Build a state from its stored arrays (checkpoint); `next_rate` defaults to `rate`."""
         point = self.problem.curve.at(enthalpy)
         next_rate = rate if next_rate is None else next_rate
         if filled is None:
@@ -150,10 +154,10 @@ class ThermalStepper:
         )  # fmt: skip
 
     def feed(self, old: ThermalState) -> ThermalState:
-        """Let liquid flow to where the shape of the problem has room for it now (collective).
+        """Let liquid flow to where the shape of the problem now has room for it (collective).
 
-        What comes is as warm as what is there, so that moving changes no temperature; the heat it
-        brings along is noted.
+        It has the temperature that is there, so that moving changes no temperature; the heat it
+        brings along is recorded.
         """
         problem = self.problem
         if problem.shape is None:
@@ -171,7 +175,7 @@ class ThermalStepper:
         return -float(low), float(high)
 
     def step(self, old: ThermalState, time: float) -> StepResult:
-        """Advance `old` to `time` (s); `old` is left untouched."""
+        """Advance `old` to `time` (s); `old` is unchanged."""
         dt = time - old.time
         newton = self.problem.iterations
         bounds = self._bounds(old, time)
@@ -202,11 +206,11 @@ class ThermalStepper:
     def _look_ahead(
         self, old: ThermalState, stages: list[Stage], dt: float, within: tuple[float, float]
     ) -> tuple[bool, Array | None]:
-        """Whether vertices would come back after a second-order step; the rate they go on with.
+        """Whether vertices would come back after a second-order step; the rate of the next step.
 
-        The rates at its end tell it of single vertices, but also of modes so fast that they weigh
-        nothing: where they turn, the first stage of an equal step is solved.  The next step finds
-        it done, if nothing changes until then.  (Collective.)
+        The rates at its end tell this for single vertices, but also for modes so fast that they do
+        not matter: where rates reverse, the first stage of an equal step is solved. The next step
+        reuses it, if nothing changes until then. (Collective.)
         """
         last, tau = stages[-1], GAMMA * dt
         moved, kelvin = last.enthalpy - old.enthalpy, last.point.temperature_slope
@@ -227,7 +231,7 @@ class ThermalStepper:
         return reductions.any_of(self.comm, bool(found.any())), after.rate
 
     def _taken_too_much(self, new: ThermalState) -> str:
-        """Say where more heat is taken than there is, and what to do about it (collective)."""
+        """Say where more heat is removed than there is, and how to fix it (collective)."""
         places = self.problem.section.vertex_space.tabulate_dof_coordinates()
         owned = places[: len(new.point.temperature), :2]
         _, x, y = reductions.peak(self.comm, -new.point.temperature, owned)
@@ -239,11 +243,11 @@ class ThermalStepper:
         )
 
     def stray(self, new: ThermalState) -> str:
-        """Why a new state is not what the data allow; "" if it is.
+        """Reason why a new state is outside the range allowed by the data; "" if it is inside.
 
-        That is the range of all temperatures so far, of the surroundings and of the heat generated
-        inside, and above absolute zero.  A mesh that is not quite of the maximum principle may
-        leave a little of the range.
+        This is the range of all temperatures so far, of the surroundings and of the heat generated
+        inside, and above absolute zero. A mesh that satisfies the maximum principle only
+        approximately may leave it slightly.
         """
         assert new.allowed is not None
         low, high = new.allowed
@@ -262,15 +266,16 @@ class ThermalStepper:
         )
 
     def longest(self, old: ThermalState, new: ThermalState) -> float:
-        """Longest step on the way from old to new whose stages have one solution each, s."""
+        """Longest step from old to new whose stages each have a single solution, s."""
         share = GAMMA if self.scheme == "sdirk2" else 1.0
         asked = share * (new.time - old.time)
         return self._branch.longest_stage(old.point, new.point, new.time, asked) / share
 
     def _bounds(self, old: ThermalState, time: float) -> tuple[float, float]:
-        """What old temperatures and surroundings allow the new ones to be, K.
+        """Bounds of the new temperatures from old temperatures and surroundings, K.
 
-        L-stable second-order schemes keep no maximum principle at large steps; backward Euler does.
+        L-stable second-order schemes have no maximum principle at large steps; backward Euler has
+        one.
         """
         low, high = self._reached(old.extremes, old, time)
         if self.problem.shape is not None:
@@ -280,15 +285,15 @@ class ThermalStepper:
     def _reached(
         self, so_far: tuple[float, float], old: ThermalState, time: float
     ) -> tuple[float, float]:
-        """Range of temperatures so far, with what surroundings and heat generated add to it, K."""
+        """Range of temperatures so far, extended by surroundings and heat generated, K."""
         low, high = self.problem.cooling.ambient_range(time)
         low, high = min(low, so_far[0]), max(high, so_far[1])
         return low, high + RANGE.warmer * self.problem.warming * (time - old.time)
 
     def _enthalpies(self, bounds: tuple[float, float]) -> tuple[float, float]:
-        """The enthalpies that temperatures within the bounds, K, may have, J/m3."""
+        """Enthalpies that correspond to temperature bounds, K, J/m3."""
         curve = self.problem.curve
-        if self._within[0] != (curve, bounds):  # they stay as they are for many steps
+        if self._within[0] != (curve, bounds):  # they are constant over many steps
             low, high = np.clip(bounds, curve.knots[0], curve.knots[-1])
             found = float(curve.enthalpy(low, "left")), float(curve.enthalpy(high))
             self._within = (curve, bounds), found
@@ -296,14 +301,14 @@ class ThermalStepper:
 
     @staticmethod
     def _guess(old: Array, rate: Array, tau: float, within: tuple[float, float]) -> Array:
-        """Enthalpy extrapolated by its rate, within a range: where Newton's method starts."""
+        """Enthalpy extrapolated by its rate, within a range, as start of Newton's method."""
         lowest, highest = within
         return np.minimum(np.maximum(old + tau * rate, lowest), highest)
 
     def _commit(
         self, old: ThermalState, stages: list[Stage], time: float, next_rate: Array | None
     ) -> tuple[ThermalState, float]:
-        """The new state and the error of its heat balance, from solved stages."""
+        """The new state, and the error of its heat balance, from solved stages."""
         last, dt = stages[-1], time - old.time
         alike = (dt / len(stages),) * len(stages)
         weights = ((1 - GAMMA) * dt, GAMMA * dt) if len(stages) == 2 else alike
@@ -315,7 +320,7 @@ class ThermalStepper:
         sums = reductions.totals(self.comm, [gone, change, made])
         out, gained, generated = (float(value) for value in sums)
         removed = old.removed + out
-        # A step in which next to nothing happens is measured against all heat so far.
+        # A step with almost no change is measured relative to all heat so far.
         size = max(abs(out), abs(gained), abs(generated), 1e-6 * abs(removed), 1e-300)
         balance = (out + gained - generated) / size
         generated += old.generated
@@ -354,8 +359,8 @@ class ThermalStepper:
         """Estimated temperature error of the step at the worst vertex, K.
 
         The rates at the start, the first stage and the end form a quadrature of third order; its
-        difference to the second-order step is the estimate.  For backward Euler the trapezoidal
-        rule takes its place.
+        difference to the second-order step is the estimate. For backward Euler the trapezoidal rule
+        is used instead.
         """
         if len(stages) == 2:
             rates = (old.rate, *(s.rate for s in stages))
@@ -363,5 +368,5 @@ class ThermalStepper:
         else:
             change = 0.5 * (stages[0].rate - old.rate)
         kelvin = np.abs(dt * change * stages[-1].point.temperature_slope)
-        kelvin[self.problem.fixed] = 0.0  # a temperature that is given is exact, though it jumps
+        kelvin[self.problem.fixed] = 0.0  # a prescribed temperature is exact, even if it jumps
         return reductions.largest(self.comm, kelvin)

@@ -1,1 +1,1 @@
-"""Finished runs side by side, and the tables of studies."""
+"""Comparison of finished runs, and the tables of studies."""

@@ -1,4 +1,4 @@
-"""Digits of an answer in tables: what differs is seen to differ."""
+"""Digits of the numbers of an optimum in tables, such that differences are visible."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from castfem.runs.results.numbers import shown
 
 @dataclass(frozen=True, slots=True)
 class Digits:
-    """How many digits numbers of optima are printed with."""
+    """Numbers of digits in the tables of an optimum."""
 
-    finest: float = 1e-4  #: smallest number that is printed without its power of ten
-    largest: float = 1e4  #: from here on the power is printed, too
-    result: int = 7  #: significant digits of a result at most
-    variable: int = 9  #: the same of a variable, which is rounded to those of its range
-    #: rounding, over a value or a difference, from which two digits of it are printed
+    finest: float = 1e-4  #: smallest number printed without an exponent
+    largest: float = 1e4  #: smallest number above 1 printed with an exponent
+    result: int = 7  #: largest number of significant digits of a result
+    variable: int = 9  #: the same for a variable, which is rounded in the search
+    #: rounding relative to a value or a difference above which two of its digits are printed
     lost: float = 0.05
 
 
@@ -26,7 +26,7 @@ DIGITS = Digits()
 
 
 def significant(value: float, digits: int, sign: str = "") -> str:
-    """A difference with so many digits that count, zeros at the end left out; "?" for NaN."""
+    """A number with some significant digits, without trailing zeros; "?" for NaN."""
     if not math.isfinite(value):
         return "?"
     if value == 0.0 or not DIGITS.finest <= abs(value) < DIGITS.largest:
@@ -36,12 +36,12 @@ def significant(value: float, digits: int, sign: str = "") -> str:
 
 
 def result(value: float, unit: str, apart: float = 0.0) -> str:
-    """A result as tables print it, with more decimals where it is small, or near to another.
+    """A result as text, with more decimals if it is small, or close to another.
 
     Args:
-        value: In the unit that is shown.
-        unit: That unit.
-        apart: By how much it differs from what it is compared with; two digits of that are seen.
+        value: Value in the shown unit.
+        unit: The shown unit.
+        apart: Difference to the value it is compared with; two digits of it are shown.
     """
     usual = shown(value, unit)
     if not math.isfinite(value) or value == 0.0 or not usual.lstrip("-").replace(".", "").isdigit():
@@ -59,7 +59,7 @@ def result(value: float, unit: str, apart: float = 0.0) -> str:
 
 
 def column(values: Sequence[float], unit: str) -> list[str]:
-    """Results below one another, each told from its neighbours."""
+    """Results of a column, each distinguished from its neighbours."""
     found = []
     for i, value in enumerate(values):
         near = [abs(value - one) for one in (*values[max(i - 1, 0) : i], *values[i + 1 : i + 2])]
@@ -68,12 +68,12 @@ def column(values: Sequence[float], unit: str) -> list[str]:
 
 
 def variable(value: float) -> str:
-    """A value of a variable."""
+    """A value of a variable as text."""
     return f"{value:.{DIGITS.variable}g}"
 
 
 def ends(low: float, high: float) -> tuple[str, str]:
-    """The ends of an interval: four digits, or those that two digits of its width need."""
+    """The ends of an interval: four digits, or enough for two digits of its width."""
     digits, largest = 4, max(abs(low), abs(high))
     if 0.0 < high - low < largest:
         digits = min(max(4, _power(largest) - _power(high - low) + 2), DIGITS.variable)

@@ -1,7 +1,7 @@
-"""The figures of a comparison: which there are, as data, and what draws them.
+"""The figures of a comparison, as data, and their drawing.
 
 A column is named `quantity_place`: `shell_mid_face`. Columns of one quantity make one figure with a
-panel for each place. A quantity that has no entry in `FIGURES` is drawn under its own name.
+panel for each place. A quantity without an entry in `FIGURES` is drawn under its own name.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
-_LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
+_LAST = ("max", "min", "mean")  # suffixes that are not places: their panels come after the others
 _NOT_DRAWN = ("time", "position", "step", "cooling_power", "penetration", "solidus_cell")
 _FRONTS = ("shell", "liquidus_depth")
 _NOT_DRAWN_ENDINGS = ("error", "newton", "iterations", "newton_mechanics")
@@ -39,15 +39,15 @@ _NOT_DRAWN_ENDINGS = ("error", "newton", "iterations", "newton_mechanics")
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """What a figure is called."""
+    """Names of a figure."""
 
-    quantity: str  #: beginning of the names of its columns; also the name of its file
+    quantity: str  #: prefix of the names of its columns; also the name of its file
     title: str  #: of the figure
-    label: str  #: of its axes, without unit
-    zero: bool = False  #: the axis begins at zero
-    #: what the largest and the smallest value of the section are called
+    label: str  #: label of its axes, without unit
+    zero: bool = False  #: whether the axis begins at zero
+    #: names of the largest and the smallest value of the section
     extremes: tuple[str, str] = ("largest", "smallest")
-    span: float = 0.0  #: the least the axis spans, in the unit that is drawn: less is rounding
+    span: float = 0.0  #: smallest span of the axis, in the drawn unit: less is rounding
 
 
 _HOTTEST = ("highest", "lowest")
@@ -86,7 +86,7 @@ FIGURES = (
 class Curve:
     """A column of one run."""
 
-    run: Run  #: whose
+    run: Run  #: the run
     position: np.ndarray  #: (n,) below the meniscus, m
     values: np.ndarray  #: (n,) in the unit of the panel
 
@@ -95,22 +95,22 @@ class Curve:
 class Panel:
     """One place of a figure."""
 
-    place: str  #: "mid_face", or empty
+    place: str  #: "mid_face", or ""
     unit: str  #: of the values
-    curves: tuple[Curve, ...]  #: one a run
+    curves: tuple[Curve, ...]  #: one per run
 
 
 def figures(
     runs: Sequence[Run], base: Run, *, least: int = 2
 ) -> list[tuple[Definition, list[Panel]]]:
-    """Return the figures of the columns that two or more runs have, each with its panels.
+    """Return the figures of the columns that several runs have, each with its panels.
 
-    Runs without a history are left out; an idealised mould is not in the figure of the gap.
+    Runs without a history are left out; an idealised mould is left out of the figure of the gap.
 
     Args:
         runs: In the order of the curves.
-        base: Whose heat is 100 %.
-        least: How many runs must have a column.
+        base: Run whose heat is 100 %.
+        least: Number of runs that must have a column.
     """
     tables = {id(run): history for run in runs if (history := run.history()) is not None}
     drawn = [run for run in runs if id(run) in tables]
@@ -143,7 +143,7 @@ def figures(
 
 
 def parts(column: str, columns: Sequence[str]) -> tuple[str, str]:
-    """Return quantity and place of a column; the places are those that have a temperature, too."""
+    """Return quantity and place of a column; places are those with a temperature."""
     probes = [c.removeprefix("surface_temperature_") for c in columns]
     places = {p for p, c in zip(probes, columns, strict=True) if p != c} | set(_PLACES)
     for place in sorted(places, key=len, reverse=True):
@@ -153,10 +153,10 @@ def parts(column: str, columns: Sequence[str]) -> tuple[str, str]:
 
 
 def _vary(curves: Sequence[Curve], units: Set[str]) -> bool:
-    """Whether there is anything to see.
+    """Whether the curves show any variation.
 
-    Not a core that stays liquid, a force that is rounding, a share that is zero; but a shell that
-    has not begun or a gap that stays closed is a result.
+    A core that stays liquid, a force that is rounding or a fraction that is zero show none; but a
+    shell that has not begun or a gap that stays closed is a result.
     """
     values = np.concatenate([curve.values for curve in curves])
     values = values[np.isfinite(values)]
@@ -165,11 +165,11 @@ def _vary(curves: Sequence[Curve], units: Set[str]) -> bool:
         return largest > STYLE.force
     if largest == 0.0:
         return len(values) > 0 and "mm" in units
-    return float(np.ptp(values)) > 1e-6 * largest  # else the same all the way and in all runs
+    return float(np.ptp(values)) > 1e-6 * largest  # otherwise constant and equal in all runs
 
 
 def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Panel]]]:
-    """Return the known figures in their order and the others after them."""
+    """Return the known figures in their order, then the others."""
     known = {d.quantity: d for d in FIGURES}
     names = [name for name in known if name in grouped]
     names += [name for name in grouped if name not in known]
@@ -186,7 +186,7 @@ def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Pan
 
 
 def _alike(one: Panel, other: Panel) -> bool:
-    """Whether the same runs have curves that cannot be told apart."""
+    """Whether the same runs have indistinguishable curves."""
     if [id(c.run) for c in one.curves] != [id(c.run) for c in other.curves]:
         return False
     for mine, theirs in zip(one.curves, other.curves, strict=True):
@@ -198,7 +198,7 @@ def _alike(one: Panel, other: Panel) -> bool:
 
 
 def _different(panels: list[Panel]) -> list[Panel]:
-    """Drop panels whose curves are those of one before, as on the faces of a square section."""
+    """Drop panels whose curves equal earlier ones, as on the faces of a square section."""
     kept: list[Panel] = []
     for panel in panels:
         if panel.unit in (p.unit for p in kept) and any(_alike(panel, other) for other in kept):
@@ -208,9 +208,9 @@ def _different(panels: list[Panel]) -> list[Panel]:
 
 
 def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:
-    """Add the heat that leaves per time, and the heat removed as a share of the base run's.
+    """Add the heat flow, and the heat removed relative to the base run.
 
-    Below the mould there is no largest gap, where a history has 0.
+    Below the mould the largest gap is undefined, although a history has 0.
     """
     units = table.attrs["units"]
     if "gap_max" in table:
@@ -230,15 +230,15 @@ def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:
 
 _BASE_COLOUR = "#222222"
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31")
-# Each run has its own dashes, too: through the gaps one sees what lies below, and a print in grey
-# can be read.
+# Each run also has its own dashes, so that hidden curves are visible through the gaps, and a print
+# in grey can be read.
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 1.5, 1, 1.5)), (0, (3, 2)), (0, (1, 1.2)))
 _PERCENT = ("contact_share", "contact_sticking", "axial_strain")  # fractions drawn in %
 
 
 @dataclass(frozen=True, slots=True)
 class Pen:
-    """How the curves of a run are drawn: colour, dashes, and width [pt]."""
+    """Style of the curves of a run: colour, dashes, and width [pt]."""
 
     colour: Any
     dashes: Any
@@ -246,7 +246,7 @@ class Pen:
 
 
 def draw(folder: Path, runs: Sequence[Run], base: Run) -> list[Path]:
-    """Draw all figures for which the runs have the data."""
+    """Draw all figures for which the runs have data."""
     drawn = []
     pens = _pens(runs, base)
     with look():
@@ -260,12 +260,12 @@ def draw(folder: Path, runs: Sequence[Run], base: Run) -> list[Path]:
 
 
 def words(label: str) -> str:
-    """The label of a run as a reader writes it."""
+    """The label of a run for readers."""
     return label.replace("degC", "°C").replace("_", " ")
 
 
 def _pens(runs: Sequence[Run], base: Run) -> dict[int, Pen]:
-    """Black for the base run, a colour for each other; along a scale when they are many."""
+    """Black for the base run, a colour for each other; from a colour map if there are many."""
     others = [run for run in runs if run is not base]
     if len(others) <= len(_COLOURS):
         chosen: list[Any] = list(_COLOURS)
@@ -283,7 +283,7 @@ def _pens(runs: Sequence[Run], base: Run) -> dict[int, Pen]:
 def _draw_figure(
     definition: Definition, panels: Sequence[Panel], pens: Mapping[int, Pen], base: Run
 ) -> Figure:
-    """A panel for each place, a curve for each run."""
+    """One panel per place, one curve per run."""
     order = [curve.run for curve in panels[0].curves]
     longest = max(len(words(run.label)) for run in order)
     columns = 3 if longest < 30 else 2 if longest < 50 else 1
@@ -296,7 +296,7 @@ def _draw_figure(
     abscissa = _abscissa(panels[0])
     for panel, ax in zip(panels, axes, strict=True):
         factor, unit = engineering(definition, panel)
-        # The base first, so that a run that lies on it is seen.
+        # The base first, so that a run that coincides with it is visible.
         for curve in sorted(panel.curves, key=lambda c: c.run is not base):
             pen = pens[id(curve.run)]
             ax.plot(
@@ -331,9 +331,9 @@ def _draw_figure(
 
 
 def _scale(ax: Axes, definition: Definition) -> None:
-    """Let an axis span what it must, from its lower end or about its middle; whole numbers at it.
+    """Set the span of an axis, from its lower end or about its middle; plain numbers on it.
 
-    An offset such as +1e2 beside the axis would be read as a factor, or not at all.
+    An offset such as +1e2 beside the axis would be read as a factor, or overlooked.
     """
     ax.ticklabel_format(useOffset=False)
     low, high = ax.get_ylim()
@@ -344,7 +344,7 @@ def _scale(ax: Axes, definition: Definition) -> None:
 
 
 def _place(definition: Definition, panel: Panel) -> str:
-    """What a panel shows: the name of a probe, or which extreme."""
+    """Title of a panel: the name of a probe, or of an extreme."""
     if panel.place in ("max", "min"):
         return definition.extremes[panel.place == "min"]
     if definition.quantity == "size" and panel.place == "corner":

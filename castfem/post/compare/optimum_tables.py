@@ -1,4 +1,4 @@
-"""An optimum in words and tables, for the terminal and as files."""
+"""An optimum as text and tables, for the terminal and files."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 
-_FAR = " (which bars better places)"  # a constraint that binds, but not where the optimum is
+_FAR = " (which bars better places)"  # a constraint that binds, but not at the optimum
 
 
 def report(optimum: Optimum) -> Iterator[Table | str]:
-    """Yield lines and tables, in order."""
+    """Yield texts and tables, in order."""
     objective = optimum.objective
     if objective is None:
         yield (
@@ -64,7 +64,7 @@ def _state(optimum: Optimum) -> str:
         state = f"found; held by {'; '.join(by)}" if by else "found; no constraint binds"
         if failed := optimum.runs["failed"]:
             state += f"; {failed} of the {optimum.runs['search']} runs by {optimum.fidelity} failed"
-        return f"{state}; another place is as good" if optimum.other_optima else state
+        return f"{state}; another point is as good" if optimum.other_optima else state
     if optimum.status == "not converged":
         return "not converged: better runs were still met; raise optimise.most_runs"
     if optimum.status == "independent":
@@ -80,10 +80,10 @@ def _state(optimum: Optimum) -> str:
 
 
 def promising_ends(optimum: Optimum) -> tuple[Value, ...]:
-    """The variables at an end of their range beyond which all missed constraints may be met.
+    """The variables at an end of their range beyond which violated constraints may be met.
 
-    Towards such an end the violation of a missed constraint falls by more than noise, and none
-    grows; and each missed constraint falls towards one of them.
+    Towards such an end the violation of a constraint decreases by more than noise, and none
+    increases; and each violated constraint decreases towards one of them.
     """
     missed = [(number, one) for number, one in enumerate(optimum.constraints) if not one.met]
     falls = {
@@ -98,13 +98,13 @@ def promising_ends(optimum: Optimum) -> tuple[Value, ...]:
 
 
 def _falls(optimum: Optimum, value: Value, number: int, one: ConstraintStatus) -> int:
-    """1 if the violation falls from the next run inwards to the end, -1 if it grows, else 0."""
+    """1 if the violation decreases from the next run inwards, -1 if it increases, else 0."""
     steps = [a for a in optimum.neighbours if a.key == value.key and math.isfinite(a.objective)]
     if not steps:
         return 0
     inward = min(steps, key=lambda step: abs(step.value - value.value))
     gained = one.left - inward.left[number]
-    noise = 3.0 * one.result.noise + ROUNDING * abs(one.bound)  # once in thirty by chance
+    noise = 3.0 * one.result.noise + ROUNDING * abs(one.bound)  # one in thirty by chance
     return 0 if abs(gained) <= noise else int(math.copysign(1, gained))
 
 
@@ -128,18 +128,18 @@ def _variables(optimum: Optimum) -> Table:
         checked = ["" if value.checked is None else variable(value.checked) for _ in by]
         searched = " to ".join(variable(end) for end in value.range)
         rows.append((label, variable(value.value), *checked, interval(value), searched))
-    return Table(("variable", "best", *by, "cannot be told from", "looked for in"), rows)
+    return Table(("variable", "best", *by, "cannot be distinguished from", "looked for in"), rows)
 
 
 def interval(value: Value) -> str:
-    """The interval of a variable in words."""
+    """The interval of a variable as text."""
     low, high = ends(value.low, value.high)
     less, more = (" or less" if value.open_low else ""), (" or more" if value.open_high else "")
     return f"{low}{less} to {high}{more}"
 
 
 def _difference(known: ResultWithError, value: float) -> str:
-    """A difference in the unit of a result; what is rounding alone counts as none."""
+    """A difference in the unit of a result; rounding counts as zero."""
     if abs(value) <= EXACT * abs(known.value):
         value = 0.0
     return significant(known.chosen_difference(value), 2)
@@ -151,12 +151,12 @@ def _errors(known: ResultWithError) -> tuple[str, str]:
 
 
 def _shown(known: ResultWithError, value: float, apart: float) -> str:
-    """A value of a result, SI, that differs by so much from what it is compared with."""
+    """A value of a result, SI, that differs by so much from the value it is compared with."""
     return result(known.chosen(value), known.scale.unit, known.chosen_difference(apart))
 
 
 def _check_apart(optimum: Optimum, objective: ResultWithError) -> float:
-    """How far the objective by the check, at its own optimum, is from that of the search."""
+    """Difference between the objective of the check, at its own optimum, and that of the search."""
     return 0.0 if optimum.by_check is None else optimum.by_check.objective - objective.value
 
 
@@ -168,7 +168,7 @@ def _results(optimum: Optimum, objective: ResultWithError) -> Table:
         known = one.result
         left = f"{_difference(known, one.left)} ± {_difference(known, one.error)}"
         unit = unit_name(known.scale.unit)
-        label = f"{one.text} [{unit}]" if unit else one.text  # as written, perhaps in another one
+        label = f"{one.text} [{unit}]" if unit else one.text  # as written, perhaps in another unit
         value = _shown(known, known.value, max(abs(one.left), known.noise))
         checked = _difference(known, one.checked)
         rows.append((label, value, *_errors(known), left, checked, _word(one)))
@@ -236,7 +236,7 @@ def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
         yield f"{known.name} lies {apart} below {name}, its maximum"
     span = [abs(step.objective) for step in optimum.neighbours if math.isfinite(step.objective)]
     if span and max(span) <= 4.0 * objective.noise:
-        yield "all about it the objective changes by no more than its noise: it is flat here"
+        yield "all around it the objective changes by no more than its noise: it is flat here"
 
 
 def _by_check(optimum: Optimum, objective: ResultWithError) -> str:
@@ -252,7 +252,7 @@ def _by_check(optimum: Optimum, objective: ResultWithError) -> str:
 
 
 def spread_scale(optimum: Optimum, number: int) -> Scale:
-    """From the unit of a row of a spread to the chosen one; a variable's stays as asked."""
+    """Conversion of a row of a spread to the chosen unit; a variable keeps its unit."""
     assert optimum.spread is not None
     row = optimum.spread.rows[number]
     if row.error is None or optimum.objective is None:
@@ -262,7 +262,7 @@ def spread_scale(optimum: Optimum, number: int) -> Scale:
 
 
 def _spread(optimum: Optimum, spread: Spread) -> Iterator[Table | str]:
-    """What the inputs do, and where all constraints are met in most draws."""
+    """Effects of the inputs, and the point where all constraints are met in most draws."""
     failed = f", {spread.failed} of them failed" if spread.failed else ""
     derivatives = " with their derivatives" if spread.derivatives else ""
     yield f"spread by the inputs, {spread.runs} runs{derivatives}{failed}"
@@ -318,7 +318,7 @@ def _front(front: Front) -> Iterator[Table | str]:
         rows.append((*(variable(value) for value in point.values), first, second, shown))
     yield Table((*front.keys, *heads), rows, words=())
     if front.exhausted:
-        yield "a search of the front has had its runs before it was done: raise optimise.most_runs"
+        yield "a search of the front ran out of runs: raise optimise.most_runs"
 
 
 MOULD_NAME, FRONT_NAME = "mould.csv", "front.csv"
@@ -327,12 +327,11 @@ MOULD_NAME, FRONT_NAME = "mould.csv", "front.csv"
 def mould_table(case: Case, every: float = 0.05) -> tuple[list[str], list[list[float]]]:
     """Return headings and rows of a mould: distance from the meniscus and inner sizes, mm.
 
-    The sizes are those of the mould at work, and beside them those of the workshop if it is given
-    cold.
+    The sizes are those of the working mould, and also those of the cold mould if it is given cold.
 
     Args:
-        case: With a [mould].
-        every: Distance between two rows, m; there is also one where a taper changes.
+        case: A case with [mould].
+        every: Distance between two rows, m; further rows are at changes of a taper.
     """
     assert case.mould is not None
     mould = build_mould(case.mould, case.section)
@@ -365,7 +364,7 @@ def write_mould_table(folder: Path, case: Case) -> Path:
 
 
 def write_front(folder: Path, front: Front) -> Path:
-    """Write the points as CSV, a row each, and return its path."""
+    """Write the points as CSV, one row each; return its path."""
     head = [one.heading(chosen=False) for one in (front.first, front.second)]
     rows = [[*front.keys, *head, front.price_heading(chosen=False), "run"]]
     for point in front.points:

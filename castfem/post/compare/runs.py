@@ -1,4 +1,4 @@
-"""The runs to compare, read from their folders."""
+"""Reads the runs to compare from their folders."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run that has ended."""
+    """A finished run."""
 
-    folder: Path  #: of the run
-    label: str  #: by which it is told from the others
+    folder: Path  #: folder of the run
+    label: str  #: its name among the runs
     summary: Summary  #: its results
 
     def history(self) -> pandas.DataFrame | None:
-        """Its history, None if it has none with two rows.
+        """Its history, None if there is none with two rows.
 
         Raises:
             InputError: The file is damaged.
@@ -41,7 +41,7 @@ class Run:
         return table if len(table) > 1 else None
 
     def speed_and_length(self) -> tuple[float, float] | None:
-        """Mean casting speed [m/s] and how far it came [m]; None without a history."""
+        """Mean casting speed [m/s] and length followed [m]; None without a history."""
         table = self.history()
         if table is None:
             return None
@@ -50,7 +50,7 @@ class Run:
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
-    """Return the runs in some folders; that of a sweep stands for all its runs that have ended."""
+    """Return the runs in some folders; the folder of a sweep stands for all its finished runs."""
     problems: list[str] = []
     found: list[Run] = []
     for folder in folders:
@@ -69,13 +69,13 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
 
 
 def alone(folder: Path) -> Run | None:
-    """Return the run in a folder; None where that holds a sweep."""
+    """Return the run in a folder; None if it holds a sweep."""
     return None if (folder / SWEEP_NAME).is_file() else _run(folder)
 
 
 def _run(folder: Path, label: str = "") -> Run:
     if not folder.is_dir():
-        raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
+        raise InputError(f"{folder}: {'not a' if folder.exists() else 'no such'} folder")
     if (folder / CASTER_NAME).is_file():
         fix = f"use castfem show {folder}, or castfem report {folder} alone"
         raise InputError(f"{folder}: is a caster of many slices; {fix}")
@@ -91,7 +91,7 @@ def _run(folder: Path, label: str = "") -> Run:
 
 
 def _sweep(folder: Path) -> list[Run]:
-    """Read the finished runs of a sweep, labelled by what was varied."""
+    """Read the finished runs of a sweep, labelled by the varied values."""
     found = []
     for name, entry in Record(folder).entries.items():
         if entry.physics:
@@ -105,7 +105,7 @@ def _sweep(folder: Path) -> list[Run]:
 
 
 def _distinct(runs: Sequence[Run]) -> list[Run]:
-    """Give runs with the same label those of their folders above, too."""
+    """Add the names of parent folders to equal labels."""
     labels = [run.label for run in runs]
     return [
         replace(run, label=f"{run.folder.resolve().parent.name}/{run.label}")
@@ -116,7 +116,7 @@ def _distinct(runs: Sequence[Run]) -> list[Run]:
 
 
 def heat_shared(runs: Sequence[Run]) -> list[str]:
-    """Return what is wrong in comparing runs of different speed, a line for each law of a mould."""
+    """Return warnings about comparing runs of different speeds, one line per mould law."""
     from castfem.model.shared_heat import shared_heat
     from castfem.runs.results.run_case import case_with
 
@@ -125,10 +125,12 @@ def heat_shared(runs: Sequence[Run]) -> list[str]:
 
 
 def base_of(runs: Sequence[Run], named: str | None) -> Run:
-    """Return the run the others are measured by: the one named, or the idealised, or the first."""
+    """Return the reference run: the named one, or the idealised one, or the first."""
     if named is None:
         return next((run for run in runs if run.label == "idealised"), runs[0])
     for run in runs:
         if named == run.label or Path(named).resolve() == run.folder.resolve():
             return run
-    raise InputError(f"--base {named}: none of the runs ({', '.join(run.label for run in runs)})")
+    raise InputError(
+        f"--base {named}: not one of the runs ({', '.join(run.label for run in runs)})"
+    )

@@ -1,4 +1,4 @@
-"""Sections of several runs side by side where the runs end, each field in one scale for all."""
+"""Final sections of several runs in one figure, each field with a common scale."""
 
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ if TYPE_CHECKING:
 
 
 GRID = Margins(left=0.6, right=1.0, above=0.7, below=1.0, beside=0.4, between=0.65)
-"""With a scale of colours to the right."""
+"""With a colour scale on the right."""
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What is drawn of a run."""
+    """Data of a run for the figures."""
 
-    label: str  #: of the run
-    mesh: Triangulation  #: the modelled part [mm], not distorted
-    moved: Triangulation  #: it, distorted
+    label: str  #: label of the run
+    mesh: Triangulation  #: the modelled part [mm], undeformed
+    moved: Triangulation  #: the modelled part, deformed
     distortion: Distortion | None  #: outlines and wall; None without mechanics
-    gap: float  #: the largest one [m]; NaN without a mould
-    temperature: NDArray[np.float64]  #: at its corners [degC]
-    stress: NDArray[np.float64] | None  #: Von Mises stress there [MPa]; None without mechanics
-    steel: Steel | None  #: what is solid and liquid; None if it is not known
-    strongest: float  #: the largest stress at a corner that is solid [MPa], 0 if none is
-    named: float  #: the largest stress of the run's own summary [MPa]; NaN if it has none
+    gap: float  #: largest gap [m]; NaN without a mould
+    temperature: NDArray[np.float64]  #: temperature at the corners of the triangles [degC]
+    stress: NDArray[np.float64] | None  #: von Mises stress there [MPa]; None without mechanics
+    steel: Steel | None  #: solidus and liquidus; None if unknown
+    strongest: float  #: largest stress at a solid corner [MPa], 0 for none
+    named: float  #: largest stress in the run's summary [MPa]; NaN if there is none
 
     @classmethod
     def of(cls, run: Run) -> Section | None:
-        """Reads the last time of a run; None if it has no temperature at the nodes."""
+        """Read the last time of a run; None if it has no nodal temperature."""
         if not (run.folder / HDF5_NAME).is_file():
             return None
         steel = Steel.of({name: q.value for name, q in run.summary.quantities.items()})
@@ -92,7 +92,7 @@ class Section:
         )
 
     def distorted(self, factor: float) -> Triangulation:
-        """The modelled part [mm], distorted, its displacement magnified."""
+        """The modelled part [mm], deformed with a magnified displacement."""
         from matplotlib.tri import Triangulation
 
         x, y = (
@@ -103,21 +103,21 @@ class Section:
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """Its corners (n, 2) [mm], not distorted."""
+        """Its corners (n, 2) [mm], undeformed."""
         return np.column_stack([self.mesh.x, self.mesh.y])
 
 
 def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str, Figure]:
-    """Draws temperature, states, stress and shape of runs that all have a section.
+    """Draw temperature, states, stress and shape of runs that all have a section.
 
     Returns:
-        The figures by name; none for a strip, or what not all runs have.
+        The figures by name; none for a strip, or for data that not all runs have.
     """
     sections = [found for run in runs if (found := Section.of(run)) is not None]
     if len(sections) < len(runs):
         return {}
     sides = np.max([np.ptp(section.places, axis=0) for section in sections], axis=0)
-    if max(sides) > 5.0 * min(sides):  # a strip would say nothing
+    if max(sides) > 5.0 * min(sides):  # not useful for a strip
         return {}
     titled = {words(section.label): section for section in sections}
     figures = {"temperature": _draw_temperature(titled)}
@@ -132,7 +132,7 @@ def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str,
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """What has been drawn of a section: its colours, entries of the legend, words on it."""
+    """A drawn section: its colours, legend entries and texts."""
 
     shades: Any = None
     handles: Sequence[Any] = ()
@@ -146,14 +146,14 @@ def _side_by_side(
     scale: str = "",
     extents: Sequence[NDArray[np.float64]] = (),
 ) -> Figure:
-    """A picture of each section, a common legend, and a scale of colours.
+    """Draw a picture of each section, with a common legend and colour scale.
 
     Args:
-        sections: By their titles.
-        title: Of the figure.
-        draw: Draws one.
-        scale: Label of the scale; empty for none.
-        extents: What each has to show, (n, 2) [mm]; by default its undistorted places.
+        sections: Sections by their titles.
+        title: Title of the figure.
+        draw: Draws one section.
+        scale: Label of the scale; "" for none.
+        extents: Points to be shown, (n, 2) [mm]; by default the undeformed corners.
     """
     shown = extents or [section.places for section in sections.values()]
     figure, axes = places(shown, title, bar=bool(scale), margin=bool(extents))
@@ -163,7 +163,7 @@ def _side_by_side(
         found = draw(ax, section)
         shades = found.shades or shades
         handles |= {str(handle.get_label()): handle for handle in found.handles}
-        short = len(name) + len(found.words) < 34  # characters as wide as a section
+        short = len(name) + len(found.words) < 34  # characters across a section
         apart = ": " if short else ":\n"
         ax.set_title(name + (apart + found.words if found.words else ""), fontsize=9)
     if scale:
@@ -173,7 +173,7 @@ def _side_by_side(
 
 
 def _range(sections: Iterable[Section]) -> tuple[float, float]:
-    """Lowest and highest temperature [degC] of all."""
+    """Lowest and highest temperature [degC] of all sections."""
     low, high = zip(*((s.temperature.min(), s.temperature.max()) for s in sections), strict=True)
     return float(min(low)), max(float(max(high)), float(min(low)) + 1.0)
 
@@ -190,9 +190,9 @@ def _draw_temperature(sections: Mapping[str, Section]) -> Figure:
 
 
 def _draw_shape(sections: Mapping[str, Section]) -> Figure:
-    """The distorted sections, coloured by temperature, in their moulds; one factor for all."""
+    """The deformed sections in their moulds, coloured by temperature; one magnification for all."""
     shapes = [section.distortion for section in sections.values()]
-    # of a section; one factor for all runs
+    # relative to a section; one magnification for all runs
     factor = min(shape.factor(0.25) for shape in shapes if shape is not None)
     extents = [
         section.places if shape is None else shape.places(factor)
@@ -213,7 +213,7 @@ def _draw_shape(sections: Mapping[str, Section]) -> Figure:
 
 
 def _gap_text(gap: float) -> str:
-    """The largest gap [m] in words; nothing without a mould."""
+    """The largest gap [m] as text; "" without a mould."""
     if math.isnan(gap):
         return ""
     if gap < 1e-6:  # m
@@ -223,7 +223,7 @@ def _gap_text(gap: float) -> str:
 
 
 def _draw_states(sections: Mapping[str, Section]) -> Figure:
-    """What is solid, mushy and liquid, with the share that is solid."""
+    """Solid, mushy and liquid regions, with the solid fraction of the section."""
 
     def draw(ax: Axes, section: Section) -> _Drawn:
         assert section.steel is not None
@@ -236,9 +236,9 @@ def _draw_states(sections: Mapping[str, Section]) -> Figure:
 
 
 def _draw_stress(sections: Mapping[str, Section]) -> Figure:
-    """Von Mises stress of what is solid, in one scale; mushy zone and liquid are grey.
+    """Von Mises stress of the solid, in one scale; mushy zone and liquid are grey.
 
-    Of a run without mechanics there is an empty frame: any grey would mean soft steel.
+    A run without mechanics has an empty frame: any grey would mean soft steel.
     """
     solid = [section for section in sections.values() if section.strongest]
     levels = stress_levels(max(max(s.strongest, np.nan_to_num(s.named)) for s in solid))
@@ -263,10 +263,10 @@ def places(
     """A figure with axes [mm] of one scale for all sections, placed by hand.
 
     Args:
-        drawn: (n, 2) what each of them has to show [mm].
-        title: Of the figure.
-        bar: Leave room for the scale of the colours.
-        margin: Leave some room around what is shown.
+        drawn: (n, 2) points to be shown in each of them [mm].
+        title: Title of the figure.
+        bar: Leave room for the colour scale.
+        margin: Leave room around the content.
     """
     sides = np.max([np.ptp(places, axis=0) for places in drawn], axis=0)
     around = 0.04 * float(sides.max()) if margin else 0.0
@@ -291,7 +291,7 @@ def places(
         left, bottom = shown.min(axis=0) - around
         ax.set_xlim(left, left + sides[0])
         ax.set_ylim(bottom, bottom + sides[1])
-        # Labels that are not shown still tell the unit of the numbers.
+        # Hidden labels still determine the unit of the numbers.
         ax.set_ylabel("y [mm]", visible=column == 0)
         ax.set_xlabel("x [mm]", visible=number + across >= len(drawn))
         axes.append(ax)
@@ -299,7 +299,7 @@ def places(
 
 
 def bar(figure: Figure, shades: Any, label: str) -> None:
-    """The scale of the colours to the right of all sections."""
+    """The colour scale to the right of all sections."""
     width, height = figure.get_size_inches()
     left = width - GRID.right + 0.15
     tall = height - GRID.above - GRID.below

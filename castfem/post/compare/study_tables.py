@@ -1,4 +1,4 @@
-"""The tables of studies: what came of the runs of a sweep, the errors of a case."""
+"""The tables of studies: results of a sweep, errors of a case."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _Column = tuple[str, list[str]]
 
 
 def sweep_table(table: Sequence[Row], width: int) -> Table:
-    """What was varied, and as many headline results as fit beside it in `width` characters."""
+    """The varied values, and as many headline results as fit beside them in `width` characters."""
     columns, results = _leading_columns(table), _main_columns(table)
     remarks = [_remark(row) for row in table]
     left = width - min(30, max(map(len, remarks)))
-    wanted = sum(map(_width, results[:4]))  # shown before what was varied has its own
+    wanted = sum(map(_width, results[:4]))  # shown before all varied values have their own columns
     if left - sum(map(_width, columns)) < wanted:
         columns = _folded(columns)
     room = left - sum(map(_width, columns))
@@ -51,9 +51,9 @@ def sweep_table(table: Sequence[Row], width: int) -> Table:
 
 
 def _leading_columns(table: Sequence[Row]) -> list[_Column]:
-    """Header and cells of what tells the runs apart.
+    """Header and cells of the columns that distinguish the runs.
 
-    Runs that have names need no values that would be cut.
+    Named runs need no varied values that would be cut off.
     """
     columns = []
     named = any(row.label for row in table)
@@ -69,7 +69,7 @@ def _leading_columns(table: Sequence[Row]) -> list[_Column]:
 
 
 def _folded(columns: Sequence[_Column]) -> list[_Column]:
-    """What was varied in one column, a line a key: the results are what the table is read for."""
+    """Varied values in one column, one line per key: the table is for the results."""
     if len(columns) < 2:
         return list(columns)
     heads = [header.replace("\n", " ").partition(" [") for header, _ in columns]
@@ -87,7 +87,7 @@ def _folded(columns: Sequence[_Column]) -> list[_Column]:
 
 
 def _main_columns(table: Sequence[Row]) -> list[_Column]:
-    """Header and cells of the headline results, the most wanted first."""
+    """Header and cells of the headline results, the most important first."""
     all_of = [row.quantities for row in table if row.quantities]
     found = []
     placed = [name for q in all_of for name in q if " at " in name]
@@ -107,35 +107,34 @@ def _main_columns(table: Sequence[Row]) -> list[_Column]:
 
 
 def _header(name: str, unit: str) -> str:
-    """A heading with a word or two on each line."""
+    """A heading with one or two words per line."""
     return "\n".join([*textwrap.wrap(name, 12, break_long_words=False), unit]).strip()
 
 
 def _width(column: _Column) -> int:
-    """How wide a column is, with the gap behind it."""
+    """Width of a column, including the gap after it."""
     heading, cells = column
     return max(len(line) for text in (heading, *cells) for line in text.split("\n")) + 2
 
 
 def _remark(row: Row) -> str:
-    """How a run stands, unless it has finished."""
+    """Status of a run, unless it has finished."""
     if row.status == "finished" and not row.message:
         return ""
     return f"{row.status}: {row.message}" if row.message else row.status
 
 
 def error_tables(table: ErrorTable) -> list[Table]:
-    """The errors at places on the way and at the end of the run, the latter last."""
+    """The errors at positions along the strand and at the end of the run, the latter last."""
     ways = [(f"At {place_said(at)}", entries) for at, entries in table.places.items()]
     end = [("At the end of the run" if ways else "", table.quantities)]
     return [_errors(title, entries) for title, entries in (*ways, *end)]
 
 
 def _errors(title: str, entries: Mapping[str, Entry]) -> Table:
-    """The headline numbers with their errors and what makes these.
+    """The headline numbers with their errors and the parts of these.
 
-    Behind the part of each of the sizes stands the order of convergence in brackets, where one
-    shows.
+    The observed order of convergence, if any, follows each part in brackets.
     """
     axes = list(dict.fromkeys(axis for e in entries.values() for axis in e.parts))
     rows = []
@@ -169,16 +168,16 @@ def without_error(table: ErrorTable) -> list[str]:
         for entry in (table.quantities[name] for name in main_names(table.quantities))
         if not math.isfinite(entry.error())
     ]
-    none = [f"no error of {', '.join(lost)}: too few of the runs tell it"] if lost else []
+    none = [f"no error of {', '.join(lost)}: too few runs to estimate it"] if lost else []
     return none + [
-        f"{run.axis} x {run.factor:.3g}: nothing of this run: {run.message}"
+        f"{run.axis} x {run.factor:.3g}: no result of this run: {run.message}"
         for run in table.runs
         if run.message
     ]
 
 
 def sweep_in_si(table: Sequence[Row]) -> pandas.DataFrame:
-    """Return what was varied in the runs of a sweep and their results in SI, a row a run."""
+    """Return the varied values of a sweep and the results in SI, one row per run."""
     import pandas
 
     content: list[dict[str, Any]] = []
@@ -191,7 +190,7 @@ def sweep_in_si(table: Sequence[Row]) -> pandas.DataFrame:
 
 
 def errors_in_si(found: ErrorTable) -> pandas.DataFrame:
-    """Return the errors of a case in SI, a row a result."""
+    """Return the errors of a case in SI, one row per result."""
     import pandas
 
     rows = []
@@ -211,10 +210,10 @@ def errors_in_si(found: ErrorTable) -> pandas.DataFrame:
 
 
 def main_names(entries: Mapping[str, Entry]) -> list[str]:
-    """Return the headline numbers that have an error."""
+    """Return the headline numbers with an error."""
     return headline([{n: quantity_of(e) for n, e in entries.items()}])
 
 
 def quantity_of(entry: Entry) -> Quantity:
-    """Return a number as results have it, without its error."""
+    """Return a number in the form of results, without its error."""
     return Quantity(to_si(entry.value, entry.unit), entry.unit, entry.label)

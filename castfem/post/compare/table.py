@@ -1,4 +1,4 @@
-"""The results of several runs side by side: references, ratios to a base run, and words on them."""
+"""The comparison of several runs: results, references, ratios to a base run, and remarks."""
 
 from __future__ import annotations
 
@@ -27,48 +27,47 @@ if TYPE_CHECKING:
     import pandas
 
 CSV_NAME = "compare.csv"
-RATIOS = ("heat_removed", "heat_removed_slice")  # also shown as a share of the base run's
+RATIOS = ("heat_removed", "heat_removed_slice")  # also shown relative to the base run
 SHARE = "% of base"
-_ALONG = "size_"  # quantities that are also shown on the way through the mould
-_IDEAL = "idealised"  # label, or in the title, of a run whose mould has no gap
-_SAME = 1e-6  # relative; positions that differ by less are one
+_ALONG = "size_"  # prefix of quantities that are also shown along the mould
+_IDEAL = "idealised"  # label, or part of the title, of a run whose mould has no gap
+_SAME = 1e-6  # relative tolerance of equal positions
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
     """A quantity of all runs."""
 
-    label: str  #: what it is, and where
+    label: str  #: its label, with the place
     unit: str  #: of the values
-    ours: tuple[float, ...]  #: value of each run, NaN where it has none
-    theirs: tuple[float, ...]  #: its reference, NaN where it has none
-    kinds: tuple[Kind, ...]  #: whether that is a value or a bound
-    gap: bool = False  #: small ones are printed in micrometres, which stand behind them
-    #: of our values, NaN where none is known; empty where none is of any run
+    ours: tuple[float, ...]  #: value of each run, NaN if there is none
+    theirs: tuple[float, ...]  #: its reference, NaN if there is none
+    kinds: tuple[Kind, ...]  #: whether the reference is a value or a bound
+    gap: bool = False  #: small gaps are printed in micrometres, with that unit
+    #: errors of the values, NaN if unknown; empty if unknown for all runs
     errors: tuple[float, ...] = ()
-    name: str = ""  #: of the quantity
-    at: float | None = None  #: where, m below the meniscus; None at the end of the runs
-    #: how exactly our values are resolved, None where that is not known; empty where it is of no
-    #: run
+    name: str = ""  #: name of the quantity
+    at: float | None = None  #: position, m below the meniscus; None at the end of the runs
+    #: resolutions of the values, None if unknown; empty if unknown for all runs
     resolutions: tuple[float | None, ...] = ()
 
     @property
     def scale(self) -> Scale:
-        """What turns its values into what is shown."""
+        """Conversion of its values to the shown unit."""
         return Scale(SHARE) if self.unit == SHARE else scale_of(self.unit, self.name)
 
     def error(self, run: int) -> float | None:
-        """The error of a run's value, None where none is known."""
+        """The error of a run's value, None if unknown."""
         known = bool(self.errors) and math.isfinite(self.errors[run])
         return self.errors[run] if known else None
 
     def resolution(self, run: int) -> float | None:
-        """How exactly a run's value is resolved, as it is shown; None where that is not known."""
+        """The resolution of a run's value, in the shown unit; None if unknown."""
         known = self.resolutions[run] if self.resolutions else None
         return None if known is None else abs(self.scale.factor) * known
 
     def verdict(self, run: int) -> bool | None:
-        """Whether a run keeps to the bound that is given for it; None where there is none."""
+        """Whether a run satisfies its bound; None if there is none."""
         return met(self.ours[run], self.theirs[run], self.kinds[run])
 
 
@@ -77,11 +76,11 @@ def lines(
 ) -> list[Line]:
     """Return the headline quantities, those with references, and the ratios to the base run.
 
-    Sizes are shown on the way through the mould, too, from the histories.
+    Sizes are also shown along the mould, from the histories.
 
     Args:
         runs: In the order of the columns.
-        base: By which the ratios are taken.
+        base: Reference run of the ratios.
         everything: All quantities instead of the headline ones.
         at: Positions, m: the quantities there instead of those at the end.
     """
@@ -102,7 +101,7 @@ def lines(
         for place in places:
             line = _line(runs, histories, name, place)
             if at and not any(map(math.isfinite, line.ours)):
-                continue  # it has no column in the history
+                continue  # no column in the history
             found.append(line)
             if name in RATIOS:
                 judged = tuple(_may_be_judged(run, base) for run in runs)
@@ -130,7 +129,7 @@ def _way(
 def _line(
     runs: Sequence[Run], histories: Sequence[pandas.DataFrame | None], name: str, at: float | None
 ) -> Line:
-    """One quantity, at the end of the runs or on their way."""
+    """One quantity, at the end of the runs or along the strand."""
     quantity = next(r.summary.quantities[name] for r in runs if name in r.summary.quantities)
     ours, theirs, errors, resolutions = [], [], [], []
     kinds: list[Kind] = []
@@ -173,7 +172,7 @@ def _line(
 
 
 def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> Quantity | None:
-    """A column of a history at a position [m]; None where the run has not been."""
+    """A column of a history at a position [m]; None if the run has not reached it."""
     if history is None or name not in history:
         return None
     wanted = (name, *(column for column in history if str(column).startswith("solidus_cell_")))
@@ -185,14 +184,14 @@ def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> Quant
 
 
 def _may_be_judged(run: Run, base: Run) -> bool:
-    """Whether a bound on a share holds for this one: it is of an idealised mould, cast alike."""
+    """Whether a bound on a ratio to an idealised mould with equal casting holds for this run."""
     ideal = base.label == _IDEAL or _IDEAL in base.summary.title.lower()
     one, other = run.speed_and_length(), base.speed_and_length()
     return ideal and (one == other or bool(one and other and np.allclose(one, other, rtol=1e-4)))
 
 
 def _ratio(line: Line, base: int, judged: Sequence[bool]) -> Line:
-    """A line as percentage of the base run's; bounds only for the runs that may be judged."""
+    """A line as percentage of the base run's; bounds only for the runs to which they apply."""
 
     def share(values: Sequence[float]) -> tuple[float, ...]:
         whole = values[base]
@@ -210,10 +209,10 @@ def _ratio(line: Line, base: int, judged: Sequence[bool]) -> Line:
 
 
 def table_of(runs: Sequence[Run], table: Sequence[Line]) -> Table:
-    """The table for a reader: a row a quantity, a column a run.
+    """The table for display: one row per quantity, one column per run.
 
-    References stand in a column of their own if all runs have the same ones, else in brackets
-    behind our values; those of an unchanged case are left out.
+    References have their own column if they are equal for all runs, otherwise they follow the
+    values in brackets; those of an unchanged case are left out.
     """
     changed = any(c.reference.changed for run in runs for c in run.summary.references)
     alone = not changed and have_common_references(table)
@@ -233,7 +232,7 @@ def table_of(runs: Sequence[Run], table: Sequence[Line]) -> Table:
 
 
 def have_common_references(table: Sequence[Line]) -> bool:
-    """Return whether there are references, and those of a quantity are the same for all runs."""
+    """Return whether there are references, equal for all runs."""
     different = [
         {pair for pair in zip(line.theirs, line.kinds, strict=True) if math.isfinite(pair[0])}
         for line in table
@@ -242,7 +241,7 @@ def have_common_references(table: Sequence[Line]) -> bool:
 
 
 def _cell(line: Line, run: int, *, bare: bool) -> str:
-    """The value of a run with its reference in brackets, or without."""
+    """The value of a run, with or without its reference in brackets."""
     value, scale = line.ours[run], line.scale
     if scale.unit == SHARE:
         ours = _text(value, scale)
@@ -257,7 +256,7 @@ def _cell(line: Line, run: int, *, bare: bool) -> str:
 
 
 def cells(line: Line) -> list[tuple[str, str]]:
-    """Return the value of each run as tables print it, and its reference, empty for none."""
+    """Return the value of each run as text, and its reference, "" for none."""
     return [
         (_cell(line, i, bare=True), _reference(line, i) if math.isfinite(line.theirs[i]) else "")
         for i in range(len(line.ours))
@@ -265,7 +264,7 @@ def cells(line: Line) -> list[tuple[str, str]]:
 
 
 def _reference(line: Line, run: int) -> str:
-    """The reference of a run, a bound with its sign."""
+    """The reference of a run; a bound with its sign."""
     return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.scale)
 
 
@@ -276,10 +275,10 @@ def _text(value: float, scale: Scale) -> str:
 
 
 def csv_table(runs: Sequence[Run], table: Sequence[Line]) -> Table:
-    """The table in documented units: a row a quantity, a column a run.
+    """The table in documented units: one row per quantity, one column per run.
 
-    A run with errors has a column of them, one with references a column of these. Where some
-    references are bounds one more column tells which: `at_least` or `at_most`.
+    A run with errors has a column for them, one with references a column for these. If some
+    references are bounds one more column has `at_least` or `at_most`.
     """
     columns = [["quantity", *(k.label for k in table)], ["unit", *(k.unit for k in table)]]
     for i, run in enumerate(runs):
@@ -306,7 +305,7 @@ def in_si(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
 
     rows: list[dict[str, Any]] = []
     for line in found:
-        # A share stands below the result that it is of, and has no name of its own.
+        # A ratio is below the result it belongs to, and has no name of its own.
         name = f"{rows[-1]['name']}_share" if line.unit == SHARE else line.name
         shown = "%" if line.unit == SHARE else line.unit
         row: dict[str, Any] = {"name": name, "at": math.nan if line.at is None else line.at}
@@ -323,14 +322,14 @@ def in_si(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
     return table.drop(columns=[column for column in extra if table[column].isna().all()])
 
 
-_SEPARATOR = "; "  # between the parts of a note
-_HERE = "castfem compare"  # a part that sends the reader of a single run to this very table
+_SEPARATOR = "; "  # separator of the parts of a note
+_HERE = "castfem compare"  # part that refers the reader of a single run to this table
 
 
 def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
-    """Return what a reader of the table must know.
+    """Return remarks for the reader of the table.
 
-    The base, sources and notes of the references, which bounds are met, different ends.
+    These are the base, sources and notes of the references, satisfied bounds, different ends.
     """
     found = [f"base: {base.label}", *heat_shared(runs)]
     found += cautions_of_all({run.label: (run.folder, run.summary) for run in runs})
@@ -373,7 +372,7 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
 
 
 def _bounds(runs: Sequence[Run], table: Sequence[Line]) -> list[str]:
-    """Which runs keep to the bounds given for them, and by how much others miss theirs."""
+    """Which runs satisfy their bounds, and by how much others violate theirs."""
     found = {}
     for heading, verdict in (("bounds met", True), ("bounds missed", False)):
         parts = []
@@ -387,7 +386,7 @@ def _bounds(runs: Sequence[Run], table: Sequence[Line]) -> list[str]:
 
 
 def _miss(line: Line, run: int) -> str:
-    """By how much a run misses its bound, with a blank in front."""
+    """The violation of a bound, after a blank."""
     by = abs(line.ours[run] - line.theirs[run])
     if line.unit == SHARE:
         return f" by {by:.1f} points"

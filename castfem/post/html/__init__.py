@@ -1,1 +1,1 @@
-"""A run, or several beside one another, as one HTML file that opens offline and prints."""
+"""One or several runs as an HTML file that opens offline and can be printed."""

@@ -1,4 +1,4 @@
-"""The page of a caster: its strand at any instant by a slider, what it comes to, its pictures."""
+"""The page of a caster: its strand over time with a slider, its results, its pictures."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from castfem.runs.output.folder import (
 from castfem.runs.output.run_record import RunRecord
 
 _INSTANTS, _PIECES = 240, 160
-"""Of a page, at most: instants, and pieces of the strand seen from its side."""
+"""Largest numbers on a page: output times, and pieces of the strand in side view."""
 _WIDE = 520.0  # of the side view, pixels
 
 
@@ -47,15 +47,15 @@ _WIDE = 520.0  # of the side view, pixels
 class Panel:
     """A chart of one quantity along the strand, whose curves follow the slider."""
 
-    title: str  #: of the chart, with its unit
-    curves: tuple[tuple[str, str, str], ...]  #: column, legend and colour of each
-    up: Any  #: marks of the values
-    limits: tuple[float, float]  #: of the values
-    band: tuple[float, float] | None  #: values between which the steel has little ductility
+    title: str  #: title of the chart, with its unit
+    curves: tuple[tuple[str, str, str], ...]  #: column, legend and colour of each curve
+    up: Any  #: ticks of the values
+    limits: tuple[float, float]  #: limits of the values
+    band: tuple[float, float] | None  #: range of low ductility
 
 
 def write_caster(folder: Path, target: Path) -> Path:
-    """Write the page of a caster, one file without links to others."""
+    """Write the page of a caster, one file without external links."""
     case = load_case(folder / CASE_NAME)
     with shown_in(units_of(case)):
         text = template("caster.html.j2").render(_content(folder, case))
@@ -90,7 +90,8 @@ def _content(folder: Path, case: Case) -> dict[str, Any]:
     return {
         "title": case.title, "status": how_it_ended(record), "css": text_of("report.css"),
         "script": text_of("caster.js"), "answers": answers(folder, case), "panels": panels,
-        "heads": heads, "begin": int(np.argmax(np.nan_to_num(ends, nan=-1.0))),  # the longest pool
+        # the longest liquid core
+        "heads": heads, "begin": int(np.argmax(np.nan_to_num(ends, nan=-1.0))),
         "across": ticks(
             [v for v in across if v <= along(length)], FRAME.across(0.0, float(along(length)))
         ),
@@ -101,7 +102,7 @@ def _content(folder: Path, case: Case) -> dict[str, Any]:
 
 
 def _in_shown_units(columns: dict[str, Array]) -> dict[str, Array]:
-    """Columns in the units they are shown in; reheating stays in K."""
+    """Columns in the shown units; reheating stays in K."""
     found = {}
     for name, values in columns.items():
         known = None if name.startswith("reheating_") else definition(name)[0]
@@ -110,7 +111,7 @@ def _in_shown_units(columns: dict[str, Array]) -> dict[str, Array]:
 
 
 def _panels(shown: dict[str, Array], case: Case) -> Iterator[Panel]:
-    """The surfaces in one chart, each other quantity in its own."""
+    """The surface temperatures in one chart, each other quantity in its own."""
     surfaces = [name for name in shown if name.startswith(SURFACE)]
     groups = [surfaces, *([name] for name in shown if name not in surfaces)]
     places = {name: name.removeprefix(SURFACE) for name in surfaces}
@@ -151,7 +152,7 @@ def _places_up(ends: Any, limits: tuple[float, float]) -> tuple[float, float]:
 def _instant(
     strand: dict[str, Array], shown: dict[str, Array], now: float, metre: float
 ) -> dict[str, list[float | None]]:
-    """The strand at an instant: positions, and each quantity there."""
+    """The strand at one time: positions, and each quantity there."""
     rows = np.flatnonzero(strand["clock"] == now)
     rows = rows[np.argsort(strand["position"][rows])]
     found = {"x": [_rounded(metre * value) for value in strand["position"][rows]]}
@@ -159,7 +160,7 @@ def _instant(
 
 
 def _said(caster: dict[str, Array], events: list[str], before: int, i: int) -> str:
-    """Words on an instant, with what has happened since that before it."""
+    """Text on one time, with the events since the previous one."""
     pool = float(caster["metallurgical_length"][i])
     parts = [
         f"{float(caster['time'][i]) / 60.0:.4g} min by the clock",
@@ -171,7 +172,7 @@ def _said(caster: dict[str, Array], events: list[str], before: int, i: int) -> s
 
 
 def _side_view(case: Case) -> dict[str, Any] | None:
-    """The strand in its machine: pieces with their positions; None of one without rolls."""
+    """The strand in its machine: pieces with their positions; None without rolls."""
     rolls = None if case.machine is None else case.machine.pairs()
     thickness = thickness_of(case.section)
     if rolls is None or thickness is None:

@@ -1,4 +1,4 @@
-"""Vector graphics of the page, with numbers for the pointer: curves along the strand, section."""
+"""Vector graphics of the page with values at the pointer: curves along the strand, section."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from castfem.runs.output.summary import Summary
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Size of a chart, and the margins of what is drawn in it, pixels."""
+    """Size of a chart, and the margins of its content, pixels."""
 
     width: int = 720
     height: int = 260
@@ -38,12 +38,12 @@ class Frame:
     bottom: int = 40
 
     def across(self, low: float, high: float) -> Callable[[float], float]:
-        """What places values between two limits along the horizontal axis."""
+        """Return the mapping of values between two limits to the horizontal axis."""
         inner = self.width - self.left - self.right
         return lambda value: self.left + inner * (value - low) / (high - low)
 
     def up(self, low: float, high: float) -> Callable[[float], float]:
-        """What places values between two limits along the vertical axis."""
+        """Return the mapping of values between two limits to the vertical axis."""
         inner = self.height - self.top - self.bottom
         return lambda value: self.height - self.bottom - inner * (value - low) / (high - low)
 
@@ -56,16 +56,16 @@ _DASHES = ("", "7 4", "2 3", "9 3 2 3")
 class Series:
     """One curve."""
 
-    label: str  #: for the legend
-    colour: str  #: of the line
-    dash: str  #: its pattern, empty for a full line
-    x: NDArray[np.float64]  #: (n,) position, in the unit it is shown in (m)
+    label: str  #: label in the legend
+    colour: str  #: colour of the line
+    dash: str  #: dash pattern, "" for a solid line
+    x: NDArray[np.float64]  #: (n,) position, in the shown unit (m)
     y: NDArray[np.float64]  #: (n,) in the unit of the chart
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """A mark of an axis: where it stands in the drawing, and its number."""
+    """A tick of an axis: its place in the drawing, and its number."""
 
     place: float
     text: str
@@ -73,26 +73,27 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Curves over the position below the meniscus, ready to be drawn."""
+    """Curves over the position below the meniscus, laid out for drawing."""
 
     title: str  #: of the figure
-    label: str  #: of its vertical axis, with unit
+    label: str  #: label of its vertical axis, with unit
     lines: tuple[dict[str, str], ...]  #: legend, colour, dash and path (SVG) of each curve
-    across: tuple[Tick, ...]  #: marks of the position, m
-    up: tuple[Tick, ...]  #: marks of the values
-    #: what the pointer is told: x, and the values of each curve, None where it has none
+    across: tuple[Tick, ...]  #: ticks of the position, m
+    up: tuple[Tick, ...]  #: ticks of the values
+    #: data for the pointer: x, and the values of each curve, None if missing
     data: dict[str, Any]
 
 
 def charts(runs: Sequence[Run]) -> list[Chart]:
     """The figures of the histories of some runs.
 
-    Of one run the places of a quantity share a chart; of several each place has its own.
+    For one run the places of a quantity share a chart; for several each place has its own.
     """
     found = []
     drawn = figures(runs, runs[0], least=1)
     count = sum(len(panel.curves) for _, panels in drawn for panel in panels)
-    # All curves take 1.2 MB at most, a point 30 bytes; more than 240 are not seen on 640 pixels.
+    # All curves together take at most 1.2 MB, at 30 bytes per point; more than 240 points are not
+    # visible on 640 pixels.
     points = min(240, max(30, 1_200_000 // (30 * max(1, count))))
     for definition, panels in drawn:
         if len(runs) == 1 and definition.quantity == "heat_share":
@@ -112,7 +113,7 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
 def _groups(
     panels: Sequence[Panel], points: int, *, alone: bool
 ) -> dict[str, list[tuple[str, tuple[Series, ...]]]]:
-    """Unit to charts, each with the place it is of (empty for all) and its curves."""
+    """Charts by unit, each with its place ("" for all) and its curves."""
     found: dict[str, list[tuple[str, tuple[Series, ...]]]] = {}
     if not alone:
         colours = list(probe_colours([f"run {i}" for i in range(8)]).values())
@@ -136,12 +137,12 @@ def _groups(
 
 
 def _place(place: str) -> str:
-    """A place in words; the extremes of a section as such."""
+    """A place as text; the extremes of a section likewise."""
     return {"max": "largest", "min": "smallest"}.get(place, probe_label(place) if place else "")
 
 
 def _series(curve: Curve, label: str, colour: str, dash: str, points: int) -> Series:
-    """A curve, thinned to so many points; its ends and extremes stay."""
+    """A curve, thinned to a number of points; its ends and extremes are kept."""
     x, y = np.asarray(curve.position, float), np.asarray(curve.values, float)
     x = scale_of("m", "position")(x)
     if len(x) > points:
@@ -181,7 +182,7 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
 
 
 def ticks(values: Sequence[float], place: Callable[[float], float]) -> tuple[Tick, ...]:
-    """Marks with as many digits as tell one from the next."""
+    """Ticks with enough digits to distinguish them."""
     texts = next(
         texts
         for digits in range(4, 15 + 1)
@@ -199,7 +200,7 @@ def _span(low: float, high: float) -> tuple[float, float]:
 
 
 def marks(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers from below `low` to beyond `high`, with at most so many steps."""
+    """Round numbers from below `low` to beyond `high`, with at most `most` steps."""
     own_matplotlib()
     from matplotlib.ticker import MaxNLocator
 
@@ -219,7 +220,7 @@ def _path(series: Series, place_x: Any, place_y: Any) -> str:
 
 
 def _rounded(values: NDArray[np.float64]) -> list[float | None]:
-    """Values with five digits for the pointer; None where there is none."""
+    """Values with five digits for the pointer; None if missing."""
     return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values]
 
 
@@ -230,26 +231,26 @@ _CORNERS = {"triangle": 3, "quadrilateral": 4}
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The cells of a section, and what they show at some places."""
+    """The cells of a section, with fields at some positions."""
 
     box: tuple[float, float]  #: width and height of the drawing
-    #: signs of x and y of the parts that make the whole section
+    #: signs of x and y of the parts that form the whole section
     mirrors: tuple[tuple[int, int], ...]
-    polygons: tuple[str, ...]  #: corners of each cell, as SVG has them
-    #: label and marks of the axis along x, and of that along y
+    polygons: tuple[str, ...]  #: corners of each cell, in SVG notation
+    #: label and ticks of the axis along x, and of that along y
     axes: tuple[tuple[str, tuple[Tick, ...]], ...]
-    places: tuple[str, ...]  #: positions below the meniscus, in words
-    start: int  #: which of them is shown first: the mould's exit, of a run that ends there the end
-    #: name, unit, limits, palette and the values of all cells and places (base64 of 16-bit numbers,
-    #: 0 to 65535 between the limits)
+    places: tuple[str, ...]  #: positions below the meniscus, as text
+    start: int  #: index of the first one shown: the mould's exit; the end for a run that ends there
+    #: name, unit, limits, palette and the values of all cells and positions (base64 of 16-bit
+    #: numbers, 0 to 65535 between the limits)
     fields: tuple[dict[str, Any], ...]
 
 
 def sections(folders: Sequence[Path]) -> list[Section | None]:
-    """The sections of runs that share a page, all in one scale of colours a field.
+    """The sections of runs on one page, with a common colour scale for each field.
 
     Returns:
-        One for each run; None of one that has no fields, or too many cells for a page.
+        One per run; None for a run without fields, or with too many cells for a page.
     """
     found = [_read(folder, len(folders)) for folder in folders]
     limits: dict[str, tuple[float, float]] = {}
@@ -271,16 +272,17 @@ def sections(folders: Sequence[Path]) -> list[Section | None]:
 
 
 def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float64]]] | None:
-    """Read the section of a run, and each field as it is shown (places, cells).
+    """Read the section of a run, and each field in its shown unit (positions, cells).
 
     Returns:
-        None if it has no fields, or too many cells for a page.
+        None without fields, or with too many cells for a page.
     """
     if not (folder / HDF5_NAME).is_file():
         return None
     with Fields(folder) as fields:
         names = [name for name in _SHOWN if name in fields.names and fields.centre(name) == "point"]
-        # Beyond 6000 cells a page is slow; a cell takes 110 bytes, all sections 1.2 MB at most.
+        # Above 6000 cells a page is slow; a cell takes 110 bytes, all sections together at most 1.2
+        # MB.
         most = min(6000, 1_200_000 // (110 * runs))
         if not names or not 0 < len(fields.cells) <= most:
             return None
@@ -301,7 +303,7 @@ def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float6
 
 
 def _marks(folder: Path, end: float) -> list[float]:
-    """Where a run that goes on to `end` (m) leaves its mould, and where it is solid, m."""
+    """Where a run to `end` (m) leaves its mould, and where it is solid, m."""
     summary = Summary.load(folder)
     if summary is None or summary.mould_exit is None or summary.mould_exit >= end:
         return []
@@ -317,7 +319,7 @@ def _part(fields: Fields) -> str:
 def _drawing(
     points: NDArray[np.float64], corners: NDArray[np.int32], part: str
 ) -> tuple[tuple[float, float], tuple[str, ...], tuple[tuple[str, tuple[Tick, ...]], ...]]:
-    """Size of the whole section's drawing, the cells about its middle, y upward, and its axes."""
+    """Size of the whole section's drawing, cells relative to its centre (y upwards), and axes."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high) * (part not in ("quarter", "half"), part != "quarter")
     half = np.abs(np.vstack([low, high]) - middle).max(axis=0)
@@ -343,7 +345,7 @@ def _drawing(
 def _values(
     fields: Fields, name: str, corners: NDArray[np.int32], chosen: NDArray[np.int_]
 ) -> NDArray[np.float64]:
-    """A field as it is shown, at the chosen places a mean a cell (places, cells)."""
+    """A field in its shown unit, averaged over each cell (chosen positions, cells)."""
     unit, factor, offset = _SCALED[UNITS[name]]
     values = np.stack([fields.values(name, int(i))[corners].mean(axis=1) for i in chosen])
     found: NDArray[np.float64] = np.nan_to_num(scale_of(unit, name)(factor * values + offset))
@@ -351,7 +353,7 @@ def _values(
 
 
 def palette(name: str, shades: int = 24) -> list[str]:
-    """Colours of a scale, from its lower end on."""
+    """Colours of a scale, from its lower end."""
     colours = own_matplotlib().colormaps[name]
     from matplotlib.colors import to_hex
 
@@ -361,7 +363,7 @@ def palette(name: str, shades: int = 24) -> list[str]:
 def _field(
     name: str, values: NDArray[np.float64], low: float, high: float, start: int
 ) -> dict[str, Any]:
-    """A field (places, cells) in a scale of colours between two limits."""
+    """A field (positions, cells) in a colour scale between two limits."""
     scale = scale_of(_SCALED[UNITS[name]][0], name)
     if high - low < 1e-9 * max(1.0, abs(high)):
         high = low + 1.0

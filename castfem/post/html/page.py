@@ -1,4 +1,4 @@
-"""`castfem report`: what the page of some runs holds, and the page itself."""
+"""`castfem report`: collects the content of the page of some runs, and renders it."""
 
 from __future__ import annotations
 
@@ -44,35 +44,35 @@ if TYPE_CHECKING:
     import jinja2
 
 REPORT_NAME = "report.html"
-LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
+LARGEST = 3_000_000  # bytes of a page; further pictures are left out
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """A run at work, as its page has it."""
+    """Progress of a running run on the page."""
 
-    label: str  #: what it is called; empty where it is the only one
-    state: str  #: how it stands
-    share: float | None  #: of its way, 0 to 1; None where that is not known
-    where: str  #: how far it has come
+    label: str  #: its label; "" for a single run
+    state: str  #: its state
+    share: float | None  #: fraction completed, 0 to 1; None if unknown
+    where: str  #: the position reached
     results: str  #: some of its results
-    left: str  #: time it will still take; empty where that is not known
+    left: str  #: remaining time; "" if unknown
 
 
 @dataclass(frozen=True, slots=True)
 class AtWork:
-    """Head of the page of runs that are in progress."""
+    """Head of the page of runs in progress."""
 
     title: str  #: of the page
-    status: str  #: how the runs stand
-    written: str  #: when the page was written
-    again: int  #: after so many seconds a browser reads the page again; 0: it has its final form
-    runs: tuple[Progress, ...]  #: how far each has come
-    messages: tuple[str, ...] = ()  #: the last that were said
+    status: str  #: status of the runs
+    written: str  #: time at which the page was written
+    again: int  #: seconds after which a browser reloads the page; 0 for the final page
+    runs: tuple[Progress, ...]  #: progress of each run
+    messages: tuple[str, ...] = ()  #: last log messages
 
 
 def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Path:
-    """Write the report of one run, of several beside one another, or of a caster."""
+    """Write the report of one run, of several in comparison, or of a caster."""
     if len(folders) == 1 and (folders[0] / CASTER_NAME).is_file():
         from castfem.post.html.caster import write_caster
 
@@ -86,13 +86,13 @@ def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Pa
 
 
 def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[float] = ()) -> str:
-    """The page of some runs, one file without links to others."""
+    """The page of some runs, one file without external links."""
     with shown_in(units_of_run(runs[0].folder) if runs else ShownUnits()):
         return template("report.html.j2").render(_content(runs, at_work, at))
 
 
 def template(name: str) -> jinja2.Template:
-    """A template of a page."""
+    """Return a template of a page."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -108,7 +108,7 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
     for number, position in enumerate(at):
         there = [line for line in lines(runs, runs[0], at=(position,)) if line.unit != SHARE]
         if not there:
-            raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
+            raise InputError(f"{runs[0].folder}: the run has not reached {place_said(position)}")
         tables.append((f"place{number}", f"At {place_said(position)}", _numbers(runs, there)))
     charts = charts_of(runs)[:60] if runs else []
     drawn_sections = sections([run.folder for run in runs])
@@ -143,19 +143,19 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
 
 
 def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
-    """The parts of the page that are there, for its table of contents."""
+    """The existing parts of the page, for its table of contents."""
     there = {
-        "work": ("At work", found["at_work"] is not None),
-        "short": ("In short", any(run["short"] for run in found["runs"])),
+        "work": ("Running", found["at_work"] is not None),
+        "short": ("Summary", any(run["short"] for run in found["runs"])),
         **{key: (name, True) for key, name, _ in found["tables"]},
-        "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
-        "cracks": ("Where it may crack", any(run["cracks"] for run in found["runs"])),
+        "look": ("Remarks", any(run["remarks"] for run in found["runs"])),
+        "cracks": ("Crack risk", any(run["cracks"] for run in found["runs"])),
         "case": ("Cases", found["differences"] is not None),
         "section": ("Section", any(run["section"] for run in found["runs"])),
-        "curves": ("Over the strand", bool(found["charts"])),
+        "curves": ("Curves along the strand", bool(found["charts"])),
         "pictures": ("Pictures", any(run["pictures"] for run in found["runs"])),
         "balances": ("Balances", bool(found["runs"])),
-        "provenance": ("Where it comes from", bool(found["runs"])),
+        "provenance": ("Provenance", bool(found["runs"])),
     }
     return [{"id": key, "name": name} for key, (name, present) in there.items() if present]
 
@@ -192,7 +192,7 @@ def _part(run: Run, runs: Sequence[Run], section: Section | None) -> dict[str, A
 
 
 def _numbers(runs: Sequence[Run], table: Sequence[Line]) -> Table:
-    """A row a quantity; a column a run, and one for its references if it has any."""
+    """One row per quantity; one column per run, and one for its references if it has any."""
     referred = [any(not c.missing for c in run.summary.references) for run in runs]
     heads, rows, marks = ["quantity"], [], {}
     for run, also in zip(runs, referred, strict=True):
@@ -213,20 +213,20 @@ def _numbers(runs: Sequence[Run], table: Sequence[Line]) -> Table:
 
 
 def _notes(runs: Sequence[Run]) -> Iterator[str]:
-    """What is wrong in comparing the runs, what cases leave out, sources of the references."""
+    """Warnings about the comparison, parts that cases leave out, sources of the references."""
     yield from heat_shared(runs)
     told = {run.label: (run.folder, run.summary) for run in runs}
     yield from cautions(*told[runs[0].label]) if len(runs) == 1 else cautions_of_all(told)
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
     if sources:
-        yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not kept."
+        yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not met."
     if runs and not any(q.error is not None for r in runs for q in r.summary.quantities.values()):
         folder = runs[0].folder
         yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."
 
 
 def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:
-    """Pictures that are no curves, as long as the page stays small."""
+    """Pictures other than curves, as long as the page stays small."""
     for figure in FIGURES.values():
         path = folder / FIGURES_NAME / f"{figure.name}.png"
         if not figure.picture or not path.is_file():
@@ -238,7 +238,7 @@ def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:
 
 
 def json_of(content: Any) -> str:
-    """JSON that can stand in a page: nothing in it ends its script."""
+    """JSON that can be part of a page: nothing in it ends its script."""
     text = json.dumps(content, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
@@ -249,7 +249,7 @@ def text_of(name: str) -> str:
 
 
 def effort(record: RunRecord, summary: Summary) -> str:
-    """Steps and machine time in a sentence."""
+    """Steps and machine time as a sentence."""
     steps = ", ".join(f"{name} {value:.6g}" for name, value in summary.steps.items())
     seconds = sum(record.wall_time.values())
     memory = "" if record.memory_mb is None else f", {record.memory_mb:.0f} MB"
@@ -257,7 +257,7 @@ def effort(record: RunRecord, summary: Summary) -> str:
 
 
 def provenance(folder: Path, record: RunRecord) -> list[tuple[str, str]]:
-    """By what the run was made."""
+    """Provenance of the run."""
     rows = [("folder", str(folder)), ("how it ended", how_it_ended(record))]
     rows += [("started", record.started), ("ended", record.ended)]
     rows += [("command", command) for command in record.commands]
@@ -267,7 +267,7 @@ def provenance(folder: Path, record: RunRecord) -> list[tuple[str, str]]:
 
 
 def case_text(folder: Path) -> str:
-    """The case as it was run, empty if it cannot be read."""
+    """The case of the run, "" if it cannot be read."""
     try:
         return (folder / CASE_NAME).read_text(encoding="utf-8")
     except OSError:
@@ -275,7 +275,7 @@ def case_text(folder: Path) -> str:
 
 
 def differing_keys(runs: Sequence[Run]) -> Iterator[tuple[str, list[str]]]:
-    """Keys of the cases that are not the same in all runs, with their values."""
+    """Keys of the cases that differ between runs, with their values."""
     known: list[dict[str, str]] = []
     for run in runs:
         try:

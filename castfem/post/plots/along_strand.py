@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 _THERMAL, _MECHANICAL, _GREY = "#0072b2", "#d55e00", "#444444"
 _DOTS: dict[str, Any] = {"marker": ".", "linestyle": "none"}
-_WHOLE: dict[str, Any] = {"color": _GREY, "linestyle": ":", "linewidth": 1.5}  # of the section
+# values of the whole section
+_WHOLE: dict[str, Any] = {"color": _GREY, "linestyle": ":", "linewidth": 1.5}
 _MEAN_PRESSURE = "mean_contact_pressure_max"
 _PLACES = {"intrados": "#0072b2", "centre": "#7f7f7f", "extrados": "#d55e00"}
 
@@ -44,7 +45,7 @@ _PLACES = {"intrados": "#0072b2", "centre": "#7f7f7f", "extrados": "#d55e00"}
 def draw_surface_temperature(
     table: Columns, abscissa: Abscissa, steel: Steel | None
 ) -> Figure | None:
-    """Surface temperature at the probes, and in the core."""
+    """Surface temperature at the probes, and core temperature."""
     lines = [
         Line(np.asarray(table[name]), label if label == "surface" else f"surface, {label}",
              {"color": colour})
@@ -75,7 +76,7 @@ def draw_shell(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figur
             axis = axis if axis[0] else (axis_label(table, name), name)
             cell = name.replace("shell_", "solidus_cell_", 1)
             resolved = cell != name and has_values(table, cell)
-            band = STAIR * np.asarray(table[cell]) if resolved else None  # by the cells
+            band = STAIR * np.asarray(table[cell]) if resolved else None  # from the cell size
             style = {"color": colour, "linestyle": dashes}
             depth = open_front(np.asarray(table[name]))
             lines.append(Line(depth, f"{probe}, {kind}", style, band))
@@ -84,7 +85,7 @@ def draw_shell(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figur
 
 
 def draw_heat(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
-    """Heat flux at the probes; heat leaving the strand; all that has left it."""
+    """Heat flux at the probes; heat flow out of the strand; total heat removed."""
     panels = []
     if fluxes := at_probes(table, "heat_flux"):
         panels.append(Panel(fluxes, *axis_of(table, "heat_flux"), zero=True))
@@ -98,9 +99,9 @@ def draw_heat(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure
 
 
 def heat_totals(table: Columns) -> dict[str, tuple[Array, str]]:
-    """Label to values and unit of the heat leaving the strand and of all that has left it.
+    """Values and units of the heat flow out of the strand and of the total heat removed, by label.
 
-    The former is taken from what left it over each step, unless there is a column of its own.
+    The former is computed from the heat of each step, unless it has its own column.
     """
     found = {}
     if has_values(table, "heat_rate"):
@@ -132,7 +133,7 @@ def draw_steps(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figur
         panels.append(Panel([Line(step, "", style)], *axis_of(table, "step"), finish=finish))
     named = {"newton": ("temperature", _THERMAL), "newton_mechanics": ("mechanics", _MECHANICAL)}
     kinds: dict[str, Any] = {"linewidth": 1.0, "drawstyle": "steps-pre"}
-    if len(table) > 150:  # Newton iterations of more steps would blacken a line plot
+    if len(table) > 150:  # Newton iterations of more steps would fill a line plot
         kinds = {**_DOTS, "markersize": 2.5}
     lines = _by_colour(table, named, **kinds)
     if lines:
@@ -152,7 +153,7 @@ def draw_steps(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figur
 
 
 def _by_colour(table: Columns, named: dict[str, tuple[str, str]], **style: Any) -> list[Line]:
-    """Lines of columns with their label and colour; one alone needs no label."""
+    """Lines of columns with their label and colour; a single one needs no label."""
     there = [name for name in named if has_values(table, name)]
     alone = len(there) == 1
     return [
@@ -163,12 +164,12 @@ def _by_colour(table: Columns, named: dict[str, tuple[str, str]], **style: Any) 
 
 
 def _is_inexact(table: Columns, name: str) -> bool:
-    """Whether an error is not nothing in every row: only then a logarithmic axis has anything."""
+    """Whether an error is not zero in every row, so that a logarithmic axis is possible."""
     return has_values(table, name) and bool(np.nan_to_num(table[name]).any())
 
 
 def _whole_numbers(lines: list[Line]) -> Callable[[Axes], None]:
-    """Whole numbers along an axis from 0, with room for a legend."""
+    """Integers along an axis from 0, with room for a legend."""
     from matplotlib.ticker import MaxNLocator
 
     top = 1.4 * max(float(np.nanmax(line.values)) for line in lines) + 1.0
@@ -183,7 +184,7 @@ def _whole_numbers(lines: list[Line]) -> Callable[[Axes], None]:
 
 
 def _powers_of_ten(panel: Axes) -> None:
-    """A logarithmic axis numbered in plain characters: formulas have to be parsed, which takes."""
+    """A logarithmic axis numbered in plain text, since formulas take time to parse."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -195,7 +196,7 @@ def _powers_of_ten(panel: Axes) -> None:
     panel.yaxis.set_minor_locator(NullLocator())
     if len(panel.lines) > 1:
         panel.set_ylim(top=panel.get_ylim()[1] * 10.0**2.5)
-        panel.legend(loc="upper right", ncols=2)  # above what is drawn
+        panel.legend(loc="upper right", ncols=2)  # above the curves
 
 
 def _log_scale(values: Array) -> Callable[[Axes], None]:
@@ -231,7 +232,7 @@ def draw_stress(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figu
 
 
 def draw_size(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
-    """Change of the size of the section since the meniscus; where it has none, the displacement."""
+    """Change of the size of the section since the meniscus; without that, the displacement."""
     panels, lines = [], []
     for label, colour, name in curves(table, "size"):
         values = np.asarray(table[name])
@@ -256,7 +257,7 @@ def draw_size(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure
 
 
 def draw_axial(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
-    """Strain of the slice along the strand, and the force that goes with it."""
+    """Axial strain of the slice, and the axial force."""
     force = column(table, "axial_force", color=_THERMAL)
     loaded = bool(force) and float(np.nanmax(np.abs(force[0].values))) > STYLE.force
     panels = []
@@ -270,8 +271,8 @@ def draw_axial(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figur
 
 
 def draw_contact(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
-    """Gap and pressure between strand and mould, how much of the surface touches, friction."""
-    # the mean pressure does not hang on the mesh
+    """Gap and pressure between strand and mould, fraction in contact, friction."""
+    # the averaged pressure does not depend on the mesh
     mean = has_values(table, _MEAN_PRESSURE)
     highest = _MEAN_PRESSURE if mean else "contact_pressure_max"
     panels = []
@@ -280,7 +281,7 @@ def draw_contact(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Fig
         ("contact_pressure", highest, "largest anywhere" + ", over 5 mm" * mean, 0.0),
     ):
         whole = column(table, largest, words, **_WHOLE)
-        if prefix == "gap":  # below the mould there is none, not one of 0
+        if prefix == "gap":  # below the mould there is no gap, not a zero one
             whole = [
                 replace(w, values=np.where(beside_wall(table), w.values, np.nan)) for w in whole
             ]
@@ -301,7 +302,7 @@ def draw_contact(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Fig
 
 
 def draw_extraction(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
-    """Resistance of the rolls, pull of the drives, and the effort that is left in the strand."""
+    """Resistance of the rolls, drive forces, and axial force in the strand."""
     if not has_values(table, "effort") or not has_values(table, "roll_resistance"):
         return None
     both = column(table, "roll_resistance", "resistance of the rolls", color=_MECHANICAL)
@@ -339,7 +340,7 @@ def draw_slice(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figur
 
 
 def _within_faces(table: Columns) -> Callable[[Axes], None]:
-    """Draws the faces of the strand; beyond them contraction outweighs bending."""
+    """Draw the faces of the strand; beyond them contraction outweighs bending."""
     known = has_values(table, "size_mid_face_intrados")
     across = float(np.asarray(table["size_mid_face_intrados"])[0]) if known else np.nan
     half = 0.5 * across if known else float(np.nanmax(np.abs(table["neutral_axis"])))
@@ -356,7 +357,7 @@ def _within_faces(table: Columns) -> Callable[[Axes], None]:
 
 
 def draw_bulging(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
-    """Bulge at the middle of the wide faces, largest of each pitch, and what the rolls bear."""
+    """Bulge at the middle of the wide faces, largest of each pitch, and roll forces."""
     if not has_values(table, "bulge_pitch"):
         return None
     lines = []

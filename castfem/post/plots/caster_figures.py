@@ -1,8 +1,8 @@
-"""The pictures of a caster's folder: the strand over the clock, in maps, and cut at moments.
+"""The pictures of a caster: the strand over the clock, as maps, and cut at moments.
 
-Speed, shell by position and end of the pool over the clock; maps over clock and position of
+Speed, shell by position and end of the liquid core over the clock; maps over clock and position of
 surface, reheating, flux, shell and centre line; the strand at moments, cut lengthwise through its
-middle as it lies in its machine.
+middle, in its machine.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 
-_ROWS = 200  # of the map, along the strand
+_ROWS = 200  # rows of the map, along the strand
 _LINE = "#d55e00"
 
 
 @look()
 def strand_figure(folder: Path, title: str, length: float) -> Figure:
-    """Return the speed above a map of the shell, with the end of the pool."""
+    """Return the speed above a map of the shell, with the end of the liquid core."""
     caster, _, words = read_table(folder / CASTER_NAME)
     strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
     minutes = [float(time) / 60.0 for time in caster["time"]]
@@ -91,15 +91,15 @@ def place_grid(length: float) -> Array:
 
 
 def widest_gap(strand: dict[str, Array]) -> float:
-    """Return the largest distance of two slices that follow one another, m."""
+    """Return the largest distance of two consecutive slices, m."""
     apart, same = np.diff(strand["position"]), np.diff(strand["clock"]) == 0.0
     return float(np.max(apart[same], initial=0.0))
 
 
 def along(strand: dict[str, Array], name: str, now: float, places: Array, gap: float) -> Array:
-    """A column along the strand at an instant: at its ends as at the nearest slice.
+    """A column along the strand at one time: constant beyond its ends.
 
-    NaN below the first slice of a cast, and farther from a slice than slices are from one another.
+    NaN below the first slice of a cast, and where slices are farther apart than normal.
     """
     rows = np.flatnonzero(strand["clock"] == now)
     if not len(rows):
@@ -113,16 +113,16 @@ def along(strand: dict[str, Array], name: str, now: float, places: Array, gap: f
 
 SURFACE, _REHEATING = "surface_temperature_", "reheating_"
 _COLOURS = {"heat_flux": "magma", CENTRE: "cividis", "reheating": "YlOrRd", "shell": "viridis"}
-_ACROSS = 3  # panels
+_ACROSS = 3  # panels in a row
 _STRAINED = "I1_max", "I2_max", "bulge_intrados", "bulge_extrados", "roll_force"
 
 
 def mapped(strand: dict[str, Array], exit: float) -> dict[str, Array]:
-    """Return what is shown of a strand's rows, with how far a surface has been reheated, K.
+    """Return the mapped columns of a strand, with the reheating of the surface, K.
 
     Args:
         strand: Columns of strand.csv.
-        exit: End of the mould, m, from where on reheating counts.
+        exit: End of the mould, m, below which reheating is computed.
     """
     surfaces = [name for name in strand if name.startswith(SURFACE)]
     first = surfaces[0].removeprefix(SURFACE)
@@ -133,10 +133,10 @@ def mapped(strand: dict[str, Array], exit: float) -> dict[str, Array]:
 
 
 def reheated(strand: dict[str, Array], name: str, exit: float) -> Array:
-    """How far a surface is above the coldest that the slice has been since the mould, K.
+    """Rise of a surface temperature above the lowest of the slice since the mould, K.
 
-    As it is known at the instants: between two of them it may have been colder. NaN of a slice that
-    has left the mould before the first of them.
+    From the output times: in between it may have been lower. NaN for a slice that has left the
+    mould before the first of them.
     """
     found, clock = np.zeros(len(strand[name])), strand["clock"]
     for number in np.unique(strand["slice"]):
@@ -150,7 +150,7 @@ def reheated(strand: dict[str, Array], name: str, exit: float) -> Array:
 
 @look()
 def maps_figure(folder: Path, case: Case) -> Figure:
-    """Return a panel for each quantity, with the end of the pool."""
+    """Return a panel for each quantity, with the end of the liquid core."""
     caster, _, _ = read_table(folder / CASTER_NAME)
     strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
     shown = mapped(strand, case.mould_exit() or 0.0)
@@ -203,7 +203,7 @@ def _look_of(
 
 
 def _name_axes(panels: Any, count: int) -> None:
-    """Name the axes of so many panels: times below the last of each column."""
+    """Name the axes of the panels: times below the last of each column."""
     for panel in panels.flat[max(count - _ACROSS, 0) : count]:
         panel.tick_params(labelbottom=True)
         panel.set_xlabel("time by the clock [min]")
@@ -213,16 +213,17 @@ def _name_axes(panels: Any, count: int) -> None:
 
 _SHOWN = "temperature", "solid_fraction"
 _CELSIUS = 500.0, 1550.0
-_SOLID, _THICKER = 0.999, 4.0  # where the pool ends; how much thicker the strand is drawn
-_MOVED = 1e-6  # m: a strand whose face moves less across goes straight down
+# solid fraction at the end of the liquid core; magnification of the thickness
+_SOLID, _THICKER = 0.999, 4.0
+_MOVED = 1e-6  # m: a strand whose face moves less sideways is straight
 
 
 @look()
 def moments_figure(folder: Path, case: Case) -> Figure | None:
     """Return a panel for each moment, coloured by temperature; None without moments.
 
-    A bent strand is drawn in its shape, thicker; one that goes straight down over the whole width.
-    Panels stand side by side where the strand is higher than it reaches out.
+    A bent strand is drawn in its shape, with magnified thickness; a straight one over the whole
+    width. Panels are side by side if the strand is higher than wide.
     """
     found = moment_files(folder)
     if not found:
@@ -259,7 +260,7 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
 def middle_of(path: Path) -> tuple[Array, Array, Array]:
     """Return the middle of the wide faces: points (rows, n, 2) m, temperature K, solid fraction.
 
-    Points are away from the mould and up from the meniscus, from face to face.
+    Points are distance from the mould and height from the meniscus, from face to face.
     """
     import meshio
 
@@ -276,7 +277,7 @@ def middle_of(path: Path) -> tuple[Array, Array, Array]:
 
 
 def draw_caster(folder: Path, case: Case) -> list[Path]:
-    """Draw a caster's files; returns the pictures."""
+    """Draw a caster's files; return the pictures."""
     (folder / FIGURES_NAME).mkdir(exist_ok=True)
     figures = (
         strand_figure(folder, case.title, case.casting.length),

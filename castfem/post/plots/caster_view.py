@@ -1,6 +1,6 @@
 """The strand in its caster, in three dimensions: its surface, coloured by maps, and the rolls.
 
-It is projected by hand and drawn from the farthest piece to the nearest: without a display.
+It is projected in this module and drawn from the farthest piece to the nearest, without a display.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_AZIMUTH, _ELEVATION = np.radians(-48.0), np.radians(27.0)  # from where it is seen
+_AZIMUTH, _ELEVATION = np.radians(-48.0), np.radians(27.0)  # direction of view
 _NOTHING = "#ececec"  # where an index is zero
 _ROLL, _DRIVEN, _DEFECT = "#9aa5b1", "#1f4e79", "#c1121f"
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 21)
@@ -40,26 +40,26 @@ _ROUND = np.linspace(0.0, 2.0 * np.pi, 21)
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen of the strand."""
+    """Visible part of the strand."""
 
-    #: (n, 4, 2) of the visible pieces of the surface in the picture, m; the farther come first
+    #: (n, 4, 2) of the visible pieces of the surface in the picture, m; the farther ones come first
     corners: Array
-    row: Indices  #: of `rows`, at which each piece begins (n,)
-    vertices: Indices  #: between which it lies (n, 2)
-    rows: Indices  #: of the maps (r,)
-    side: Side  #: the strand from its side
+    row: Indices  #: row, of `rows`, at which each piece begins (n,)
+    vertices: Indices  #: vertices that bound it (n, 2)
+    rows: Indices  #: rows of the maps (r,)
+    side: Side  #: side view of the strand
     half: float  #: half of its width, m
-    pairs: tuple[Pair, ...]  #: of rolls that it has come to
+    pairs: tuple[Pair, ...]  #: pairs of rolls that it has reached
 
     def on_pieces(self, values: Array) -> Array:
-        """The largest value of a map (rows, vertices) on each piece, none left out (n,)."""
+        """The largest value of a map (rows, vertices) on each piece, over all its rows (n,)."""
         longest = np.maximum.reduceat(values[: self.rows[-1] + 1], self.rows, axis=0)
         ends = np.maximum(longest[:-1], values[self.rows[1:]])
         return np.asarray(ends[self.row[:, None], self.vertices].max(axis=1))
 
 
 def projected(points: Array) -> tuple[Array, Array]:
-    """Points (..., 3) in the picture (..., 2), and how near they are (...)."""
+    """Points (..., 3) in the picture (..., 2), and their nearness (...)."""
     across, up = np.array([-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0]), np.sin(_ELEVATION)
     towards = np.array([np.cos(_AZIMUTH), np.sin(_AZIMUTH), 0.0])
     eye = np.cos(_ELEVATION) * towards + [0.0, 0.0, up]
@@ -68,7 +68,7 @@ def projected(points: Array) -> tuple[Array, Array]:
 
 
 def view_of(maps: SurfaceMaps, side: Side, rows: Indices) -> View:
-    """The visible surface of the strand, what is modelled and its mirror images."""
+    """The visible surface of the strand: the modelled part and its mirror images."""
     line, found = maps.heading.line, []
     for sign in mirrored(line):
         found.append(_pieces(line, side, maps.position[rows], np.array(sign)))
@@ -81,7 +81,7 @@ def view_of(maps: SurfaceMaps, side: Side, rows: Indices) -> View:
 
 
 def mirrored(line: SurfaceLine) -> list[tuple[float, float]]:
-    """Signs of x and y of all parts of the section, by the planes at which the surface ends."""
+    """Signs of x and y of all parts of the section, from the planes at which the surface ends."""
     near = 1e-6 * float(np.ptp(line.place))
     signs = [(1.0, 1.0)]
     for axis in (0, 1):
@@ -93,7 +93,7 @@ def mirrored(line: SurfaceLine) -> list[tuple[float, float]]:
 def _pieces(
     line: SurfaceLine, side: Side, position: Array, sign: Array
 ) -> tuple[Array, Array, Indices, Indices]:
-    """Pieces between two rows and two vertices that face the eye: corners, depth, row, vertices."""
+    """Visible pieces between two rows and two vertices: corners, depth, row, vertices."""
     points = side.placed(position, line.place * sign)
     flat, depth = projected(points)
     count = len(line.nodes)
@@ -102,7 +102,7 @@ def _pieces(
     corners = np.stack([flat[:-1, here], flat[:-1, ahead], flat[1:, ahead], flat[1:, here]], axis=2)
     one, other = corners[:, :, 2] - corners[:, :, 0], corners[:, :, 3] - corners[:, :, 1]
     turned = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    seen = turned * sign[0] * sign[1] > 0.0  # counterclockwise, as the surface is from outside
+    seen = turned * sign[0] * sign[1] > 0.0  # counterclockwise, like the surface seen from outside
     near = 0.25 * (depth[:-1, here] + depth[:-1, ahead] + depth[1:, ahead] + depth[1:, here])
     i, j = np.nonzero(seen)
     return corners[i, j], near[i, j], i, np.stack([here[j], ahead[j]], axis=1)
@@ -112,7 +112,7 @@ def draw_caster(maps: SurfaceMaps, rolls: Rolls | None = None) -> Figure | None:
     """The strand between its rolls: its temperature and, with mechanics, I1.
 
     Returns:
-        None of a strand without rolls, or before the second step.
+        None for a strand without rolls, or before the second step.
     """
     heading = maps.heading
     stations = Stations.of_columns(**heading.caster())
@@ -134,7 +134,7 @@ def draw_caster(maps: SurfaceMaps, rolls: Rolls | None = None) -> Figure | None:
 
 
 def _everything(view: View) -> Array:
-    """Points that the picture must hold (n, 2)."""
+    """Points that the picture must contain (n, 2)."""
     ends = [
         projected(_circle(centre, 0.5 * pair.diameter, sign * (view.half + STYLE.roll_end)))[0]
         for pair in view.pairs
@@ -163,10 +163,10 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
         one = next(one for one in maps.heading.maps if one.name == name)
         values, label = index_values(maps, one), index_label(one)
         shown = np.ma.masked_less_equal(view.on_pieces(values), 0.0)
-        # White on white the strand would not be seen.
+        # White on white the strand would be invisible.
         colours = index_colours().with_extremes(bad=_NOTHING)
         options = {"cmap": colours, "clim": (0.0, float(values.max()) or 1.0)}
-        row, vertex = np.unravel_index(int(values.argmax()), values.shape)  # may not be in sight
+        row, vertex = np.unravel_index(int(values.argmax()), values.shape)  # may be hidden
         where = f"{maps.heading.line.words(int(vertex))}, {place_said(maps.position[row])}"
         panel.set_title(f"largest: {where}", fontsize=8.5)
     _draw_rolls(panel, view, inner=False)

@@ -1,7 +1,7 @@
-"""Axes in the units that were chosen: figures are drawn in documented units, their numbers turned.
+"""Axes in the chosen units: figures are drawn in documented units, and their numbers converted.
 
-The label of an axis ends with its unit in brackets. Where another one is shown, the ticks stand at
-round numbers of that, and the label has it. Nothing that is drawn moves, no limit is another.
+The label of an axis ends with its unit in brackets. If another unit is shown, the ticks are at
+round numbers in that unit, and the label has it. Curves and limits are unchanged.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ _UNIT = re.compile(r"\[([^\[\]]+)\](?=\s*$)")
 
 
 class ScaledLocator(Locator):
-    """Ticks of another locator, at round numbers of what is shown."""
+    """Ticks of another locator, at round numbers of the shown unit."""
 
     def __init__(self, inner: Locator, scale: Scale) -> None:
         self._inner, self._scale = inner, scale
 
     def __call__(self) -> Sequence[float]:
-        """The ticks of the axis, in the unit it is drawn in."""
+        """The ticks of the axis, in the drawn unit."""
         assert self.axis is not None
         low, high = self.axis.get_view_interval()
         return self.tick_values(low, high)
 
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
-        """The ticks between two values, in the unit they are drawn in."""
+        """The ticks between two values, in the drawn unit."""
         inner = self._inner.tick_values(self._scale(vmin), self._scale(vmax))
         return [float(self._scale.back(value)) for value in inner]
 
@@ -44,13 +44,13 @@ class ScaledLocator(Locator):
 
 
 class ScaledFormatter(Formatter):
-    """Numbers of ticks in the unit that is shown."""
+    """Numbers of ticks in the shown unit."""
 
     def __init__(self, scale: Scale) -> None:
         self._scale = scale
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """The number of a tick, with four digits where it is not round in this unit."""
+        """The number of a tick, with four digits if it is not round in this unit."""
         assert self.axis is not None
         low, high = (self._scale(end) for end in self.axis.get_view_interval())
         shown = float(self._scale(x))
@@ -58,7 +58,7 @@ class ScaledFormatter(Formatter):
 
 
 def in_chosen_units(figure: Figure) -> None:
-    """Turn all axes of a figure whose labels name a unit; twice does what once does."""
+    """Convert all axes of a figure whose labels name a unit; may be called twice."""
     for axes in figure.axes:
         for one in _with_children(axes):
             turn(one.xaxis)
@@ -66,10 +66,10 @@ def in_chosen_units(figure: Figure) -> None:
 
 
 def turn(axis: Axis) -> None:
-    """Show an axis in the unit chosen for what its label names.
+    """Show an axis in the unit chosen for the quantity in its label.
 
-    The unit of a single quantity, if there is one, is found by the name of its column, which is
-    the label's `gid`.
+    The unit of a single quantity, if there is one, is found by the name of its column, which is the
+    label's `gid`.
     """
     text = axis.get_label_text()
     found = _UNIT.search(text)
@@ -78,7 +78,7 @@ def turn(axis: Axis) -> None:
     unit = documented(found[1])
     try:
         scale = scale_of(unit, str(axis.label.get_gid() or ""))
-    except ValueError:  # no unit: "1e-5 1/s"
+    except ValueError:  # not a unit: "1e-5 1/s"
         return
     if scale.unit == unit:
         return
@@ -93,7 +93,7 @@ def turn(axis: Axis) -> None:
 
 
 def _with_children(axes: Any) -> Iterator[Axes]:
-    """Axes and those inside them, as scales of colours and a second axis."""
+    """Axes and those inside them, such as colour scales and a second axis."""
     yield axes
     for child in axes.child_axes:
         yield from _with_children(child)

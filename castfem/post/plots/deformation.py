@@ -1,7 +1,7 @@
-"""Figures of the strained section: its stress and how it is distorted.
+"""Figures of the strained section: its stress and its deformation.
 
-They show what is modelled, a quarter, a half or the whole of the section, with the displacement
-magnified by a round factor that stands in the legend.
+They show the modelled part, a quarter, a half or the whole of the section, with the displacement
+magnified by a round factor given in the legend.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from matplotlib.tri import Triangulation, TriContourSet
 
 
-SOFT = ("#d9d9d9", "#efefef")  # mushy, liquid: no scale of stress applies to them
+SOFT = ("#d9d9d9", "#efefef")  # mushy, liquid: not in the stress scale
 STRESS_MAP = "viridis"
 _UNMOVED, _MOVED, _WALL = "#333333", "#c0392b", "#9a9a9a"
 _SHELL = "#dfe6ec"
 
 
 def draw_von_mises(fields: Fields, steel: Steel | None) -> Figure | None:
-    """Von Mises stress in what is solid, on the distorted section; mushy zone and liquid are grey.
+    """Von Mises stress in the solid, on the deformed section; mushy zone and liquid are grey.
 
     Returns:
-        None in a run without stress, or while nothing is solid.
+        None for a run without stress, or while nothing is solid.
     """
     each = ((state, von_mises(fields, state)) for state in reversed(range(len(fields.times))))
     index, stress = next((one for one in each if one[1] is not None), (-1, None))
@@ -71,10 +71,10 @@ def draw_von_mises(fields: Fields, steel: Steel | None) -> Figure | None:
 
 
 def draw_shape(fields: Fields, steel: Steel | None) -> Figure | None:
-    """The distorted section beside its shape at the meniscus, the shell, and the largest moves.
+    """The deformed section, its shape at the meniscus, the shell and the largest displacements.
 
     Returns:
-        None in a run without displacement, or for a strip, which has no shape.
+        None for a run without displacement, or for a strip, which has no shape.
     """
     if "displacement" not in fields.names:
         return None
@@ -100,15 +100,15 @@ def draw_shape(fields: Fields, steel: Steel | None) -> Figure | None:
 def fill_stress(axes: Axes, mesh: Triangulation, values: Array, levels: Array) -> TriContourSet:
     """Fill a section with the colours of a stress [MPa].
 
-    Values beyond the scale are those of soft material, which is covered afterwards. They are cut
-    just below its end, which matplotlib would not draw.
+    Values beyond the scale belong to soft material, which is covered afterwards. They are cut just
+    below its end, since matplotlib would not draw them.
     """
     within = np.clip(values, levels[0], (1 - 1e-6) * levels[-1])
     return axes.tricontourf(mesh, within, levels=levels, cmap=STRESS_MAP)
 
 
 def stress_levels(largest: float) -> Array:
-    """Levels [MPa] from 0 to the first above the largest stress, round in the unit shown."""
+    """Levels [MPa] from 0 to the first above the largest stress, round in the shown unit."""
     from matplotlib.ticker import MaxNLocator
 
     scale = scale_of("MPa", "von_mises")
@@ -122,7 +122,7 @@ def stress_levels(largest: float) -> Array:
 
 
 def _magnified(fields: Fields, index: int) -> tuple[Distortion, float]:
-    """The distortion, and the factor to draw it with (0: a mere line)."""
+    """The deformation, and its magnification (0: a mere line)."""
     distortion = Distortion.of(fields, index)
     sides = np.ptp(distortion.points, axis=0)
     line = sides.max() > 4.0 * sides.min() and not distortion.outline.cuts
@@ -130,7 +130,7 @@ def _magnified(fields: Fields, index: int) -> tuple[Distortion, float]:
 
 
 def cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> list[Line2D]:
-    """Covers mushy zone and liquid with grey; returns the legend of what it drew."""
+    """Cover mushy zone and liquid with grey; return the legend entries."""
     if kelvin.max() <= steel.solidus:
         return []
     fill_soft(axes, mesh, kelvin, steel, float(kelvin.max()))
@@ -138,14 +138,14 @@ def cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> 
 
 
 def fill_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel, hottest: float) -> None:
-    """Fill what is mushy and what is liquid, up to the hottest temperature."""
+    """Fill the mushy and liquid regions, up to the hottest temperature."""
     liquidus = max(steel.liquidus, float(np.nextafter(steel.solidus, np.inf)))
     levels = [steel.solidus, liquidus, max(hottest, liquidus) + 1.0]
     axes.tricontourf(mesh, kelvin, levels=levels, colors=SOFT)
 
 
 def soft_handles() -> list[Line2D]:
-    """The legend of what is mushy and of what is liquid."""
+    """Legend entries of the mushy and liquid regions."""
     from matplotlib.lines import Line2D
 
     return [
@@ -155,7 +155,7 @@ def soft_handles() -> list[Line2D]:
 
 
 def _draw_solidus(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> Line2D:
-    """The inside of the shell; its entry of the legend."""
+    """Draw the inside of the shell; return its legend entry."""
     from matplotlib.lines import Line2D
 
     if kelvin.min() < steel.solidus:
@@ -166,14 +166,14 @@ def _draw_solidus(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) 
 
 
 def draw_outlines(axes: Axes, distortion: Distortion, factor: float, colour: str) -> list[Line2D]:
-    """Draws the outline at the meniscus and now, and the wall [mm]; returns their legend."""
+    """Draw the outline at the meniscus and now, and the wall [mm]; return the legend entries."""
     from matplotlib.lines import Line2D
 
     here: dict[str, Any] = {"color": _UNMOVED, "linewidth": 0.8, "linestyle": (0, (5, 3))}
     now: dict[str, Any] = {"color": colour, "linewidth": 1.2}
     wall: dict[str, Any] = {"color": _WALL, "linewidth": 3.0, "solid_capstyle": "butt"}
     handles = []
-    if distortion.wall is not None:  # below what touches it
+    if distortion.wall is not None:  # below parts in contact with it
         axes.plot(*(1e3 * distortion.wall.drawn(factor)).T, **wall)
         handles.append(Line2D([], [], **wall, label="mould"))
     for shift, pen, label in (
@@ -199,7 +199,7 @@ def _draw_symmetry(axes: Axes, distortion: Distortion) -> list[Line2D]:
 
 
 def _fit(axes: Axes, distortion: Distortion, factor: float) -> None:
-    """Limits that show all shapes, with a margin."""
+    """Set limits that include all shapes, with a margin."""
     places = distortion.places(factor)
     margin = 0.05 * float(np.ptp(places, axis=0).max())
     axes.set_xlim(places[:, 0].min() - margin, places[:, 0].max() + margin)
@@ -207,14 +207,14 @@ def _fit(axes: Axes, distortion: Distortion, factor: float) -> None:
 
 
 def _name_extremes(axes: Axes, distortion: Distortion, factor: float) -> None:
-    """Writes the largest outward and inward displacement of the surface where they are."""
+    """Write the largest outward and inward displacement of the surface at their places."""
     places, moved = distortion.points, distortion.moved
     nodes, normals = distortion.outline.outward(places)
     outward = 1e3 * np.einsum("ij,ij->i", moved[nodes], normals)
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
     for number in _extremes(outward, places[nodes]):
         point = 1e3 * (places[nodes[number]] + factor * moved[nodes[number]])
-        name = point + 0.36 * (1e3 * centre - point)  # off the shell, as long as that is thin
+        name = point + 0.36 * (1e3 * centre - point)  # outside the shell, as long as that is thin
         axes.annotate(
             _signed(float(outward[number])),
             xy=(point[0], point[1]),
@@ -229,14 +229,14 @@ def _name_extremes(axes: Axes, distortion: Distortion, factor: float) -> None:
 
 
 def _signed(length: float) -> str:
-    """A length [mm] with its sign, if it is not nothing."""
+    """A length [mm] with its sign, if it is not zero."""
     rounded = round(length, 2)
     words = said(rounded, "mm", "+.2f", "displacement") if rounded else said(0.0, "mm", ".2f")
     return words.replace("-", "\N{MINUS SIGN}")
 
 
 def _extremes(outward: Array, points: Array) -> set[int]:
-    """Numbers of the largest and the smallest value, of equal ones those farthest apart."""
+    """Indices of the largest and the smallest value; of equal ones those farthest apart."""
     equal = 0.02 * float(np.abs(outward).max())
     smallest = int(outward.argmin())
     found = [smallest]

@@ -1,4 +1,4 @@
-"""The figures of a run: one list of them, and what draws those for which there is the data.
+"""The list of figures of a run, and the drawing of those for which there are data.
 
 They are drawn from the files in the folder of a run, at any time and without a display.
 """
@@ -42,12 +42,12 @@ if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Rolls
 
 _SECONDARY = "\n[secondary]\n"  # in the case of a run
-_DEFECTS = "\ndefect = [", "[[machine.defect]]"  # the same, short and long
+_DEFECTS = "\ndefect = [", "[[machine.defect]]"  # in the case of a run, short and long form
 
 
 @dataclass(frozen=True)
 class RunData:
-    """What the files in the folder of a run hold; read where a figure needs it."""
+    """Content of the files in the folder of a run, read when a figure needs it."""
 
     folder: Path  #: of the run
     summary: Summary | None  #: its results; None before they are written
@@ -83,12 +83,12 @@ class RunData:
 
     @property
     def zones(self) -> tuple[Zone, ...]:
-        """The cooling."""
+        """The cooling zones."""
         return () if self.summary is None else self.summary.zones
 
     @cached_property
     def abscissa(self) -> Abscissa:
-        """The way of the slice."""
+        """The position of the slice over time."""
         time = self.table["time"]
         known = "position" in self.table
         position = self.table["position"] if known else np.full(len(time), np.nan)
@@ -96,7 +96,7 @@ class RunData:
 
     @cached_property
     def steel(self) -> Steel | None:
-        """Solidus and liquidus, from the summary or, before there is one, from the fields."""
+        """Solidus and liquidus, from the summary or, without it, from the fields."""
         quantities = {} if self.summary is None else self.summary.quantities
         found = Steel.of({name: quantity.value for name, quantity in quantities.items()})
         return found or (Steel.of(self.fields.attributes) if self.has("fields") else None)
@@ -109,7 +109,7 @@ class RunData:
 
     @cached_property
     def rolls(self) -> Rolls | None:
-        """The rolls of a run whose case has defects; None of another."""
+        """The rolls of a case with defects; otherwise None."""
         if not any(mark in self.case for mark in _DEFECTS):
             return None
         machine = load_case(self.folder / CASE_NAME).machine
@@ -117,16 +117,16 @@ class RunData:
 
     @property
     def defects(self) -> tuple[tuple[float, str], ...]:
-        """The rolls that have a defect: position [m] and what is wrong."""
+        """The rolls with a defect: position [m] and description."""
         pairs = () if self.rolls is None else self.rolls.pairs
         return tuple((p.position, f"#{i} {p.defect}") for i, p in enumerate(pairs, 1) if p.defect)
 
     @property
     def at_exit(self) -> int:
-        """Index of the state of the fields nearest to the mould's exit, or of the last above it.
+        """Index of the output time nearest to the mould's exit, or of the last above it.
 
-        Far below its mould a strand is solid and says nothing of its shell; at the meniscus it
-        has none.
+        Far below its mould a strand is solid, and its shell has no meaning; at the meniscus it has
+        none.
         """
         positions = np.asarray(self.fields.positions, float)
         ends = None if self.summary is None else self.summary.mould_exit
@@ -139,12 +139,12 @@ class RunData:
 class Figure:
     """A figure of a run."""
 
-    name: str  #: of its file
-    title: str  #: what it shows, for captions
-    needs: str  #: what the run must have, as in `RunData.has`
-    draw: Callable[[RunData], Picture | None]  #: draws it; None where there is nothing to show
-    shaded: bool = False  #: whether it has colours that run smoothly into one another
-    picture: bool = False  #: whether the report takes it as it is; of the others it has the curves
+    name: str  #: name of its file
+    title: str  #: its content, for captions
+    needs: str  #: data that the run must have, as in `RunData.has`
+    draw: Callable[[RunData], Picture | None]  #: draws it; None if there is nothing to show
+    shaded: bool = False  #: whether it has continuous colours
+    picture: bool = False  #: whether the report includes it as a picture; otherwise as curves
 
 
 def _along(name: str, title: str, picture: bool = False) -> Figure:
@@ -161,7 +161,7 @@ def _roll_to_roll(run: RunData) -> Picture | None:
 
 
 def _stack(run: RunData) -> Picture | None:
-    """The strand from its slices; too few of them say nothing of what lies between."""
+    """The strand from its slices, unless these are too few."""
     return None if len(run.fields.positions) < STYLE.slices else draw_stack(run.fields, run.steel)
 
 
@@ -206,14 +206,14 @@ FIGURES = {
                lambda run: draw_caster(run.maps, run.rolls), picture=True),
     )
 }  # fmt: skip
-"""All figures of a run by name, in the order in which they are drawn."""
+"""All figures of a run by name, in the order of drawing."""
 
 
 def draw_figures(folder: Path | str) -> list[Path]:
-    """Draws all figures for which the folder has the data, into its `figures`.
+    """Draw all figures for which the folder has data, into its `figures`.
 
-    Columns, fields and probes that a run does not have are left out; so is a figure of which
-    nothing is left. One that cannot be drawn costs a warning, not the others.
+    Columns, fields and probes that a run does not have are left out, and so is a figure without
+    content. A figure that cannot be drawn gives a warning, and the others are drawn.
     """
     path, drawn = Path(folder), []
     with ExitStack() as files, look(), shown_in(units_of_run(path)), _cleared() as clear:
@@ -227,10 +227,10 @@ def draw_figures(folder: Path | str) -> list[Path]:
 
 @contextmanager
 def _cleared() -> Iterator[Callable[[], object]]:
-    """A function that frees the figures drawn before, which stand in cycles with their pixels.
+    """Yield a function that frees earlier figures, which are in reference cycles with their pixels.
 
-    What there was before them is left out of the search meanwhile, which therefore takes little
-    time; without it a dozen figures are in memory at once.
+    Older objects are excluded from the garbage search meanwhile, which makes it fast; without it a
+    dozen figures would be in memory at once.
     """
     frozen, enabled = gc.get_freeze_count() > 0, gc.isenabled()
     gc.disable()
@@ -245,7 +245,7 @@ def _cleared() -> Iterator[Callable[[], object]]:
 
 
 def _drawn(figure: Figure, run: RunData) -> Path | None:
-    """The file of a figure, if there is something to draw and it could be drawn."""
+    """Draw a figure; return its file if there was something to draw and it succeeded."""
     assert figure.name in ALL_FIGURES, f"{figure.name}: not listed, it would outlive its run"
     try:
         picture = figure.draw(run)

@@ -1,7 +1,7 @@
-"""Figures over the way of the slice: panels of curves as data, and what draws them.
+"""Figures along the strand: panels of curves as data, and their drawing.
 
-A figure is a list of `Panel`, each with its lines; `drawn` makes the picture. The columns of a
-history that stand for one quantity at several probes are found by `curves`.
+A figure is a list of `Panel`, each with its lines; `drawn` draws it. The columns of a history for
+one quantity at several probes are found by `curves`.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 class Line:
     """A curve."""
 
-    values: Array  #: (n,) over the way
-    label: str = ""  #: for the legend; empty for none
+    values: Array  #: (n,) along the strand
+    label: str = ""  #: label in the legend; "" for none
     style: Mapping[str, Any] = field(default_factory=dict)  #: options of `Axes.plot`
-    band: Array | None = None  #: (n,) half the width of a shade around it; None for none
+    band: Array | None = None  #: (n,) half width of a shaded band; None for none
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +41,18 @@ class Panel:
     """Curves on one pair of axes."""
 
     lines: Sequence[Line]  #: the curves
-    label: str  #: of the vertical axis, with unit
-    name: str = ""  #: of the column by which its own unit is found
-    zero: bool = False  #: the axis begins at zero, unless something lies clearly below
-    below: float = 0.0  #: how far below zero it then begins, of its height: a curve at zero is seen
-    reach: float = 0.0  #: value to which it goes at least
+    label: str  #: label of the vertical axis, with unit
+    name: str = ""  #: name of the column by which a chosen unit is found
+    zero: bool = False  #: the axis begins at zero, unless values are clearly below
+    #: start of the axis below zero, relative to its height, so that a curve at zero is visible
+    below: float = 0.0
+    reach: float = 0.0  #: value that the axis includes
     baseline: bool = False  #: draw a line at zero
-    columns: int = 2  #: of the legend
-    finish: Callable[[Axes], object] | None = None  #: what else is done to the axes
+    columns: int = 2  #: columns of the legend
+    finish: Callable[[Axes], object] | None = None  #: further changes to the axes
 
     def draw(self, axes: Axes, abscissa: Abscissa) -> None:
-        """Draw all but the legend."""
+        """Draw everything except the legend."""
         for line in self.lines:
             axes.plot(abscissa.values, line.values, **{"label": line.label, **line.style})
             if line.band is not None:
@@ -90,12 +91,12 @@ def drawn(panels: Sequence[Panel], height: float, abscissa: Abscissa) -> Figure 
 
 
 def column(table: Columns, name: str, label: str = "", **style: Any) -> list[Line]:
-    """The line of a column; empty if the column is missing or holds no number."""
+    """The line of a column; empty if the column is missing or has no values."""
     return [Line(np.asarray(table[name]), label, style)] if has_values(table, name) else []
 
 
 def at_probes(table: Columns, prefix: str, where: str = "", **style: Any) -> list[Line]:
-    """The lines of the columns `prefix_PROBE`, their labels behind `where`."""
+    """The lines of the columns `prefix_PROBE`, their labels after `where`."""
     return [
         Line(np.asarray(table[name]), f"{where}{label}", {"color": colour, **style})
         for label, colour, name in curves(table, prefix)
@@ -103,7 +104,7 @@ def at_probes(table: Columns, prefix: str, where: str = "", **style: Any) -> lis
 
 
 def axis_of(table: Columns, *names: str) -> tuple[str, str]:
-    """Label of an axis and name of its column: the first of columns, or of prefixes, there is."""
+    """Label of an axis and name of its column: the first existing of columns or prefixes."""
     for name in names:
         found = (
             name if has_values(table, name) else next(iter(probes_with(table, name).values()), "")
@@ -116,11 +117,11 @@ def axis_of(table: Columns, *names: str) -> tuple[str, str]:
 def curves(table: Columns, prefix: str) -> list[tuple[str, str, str]]:
     """Label, colour and column of each curve `prefix_PROBE`.
 
-    Probes whose curves would hide one another share one; the faces of a square are all "mid-face".
+    Probes with coinciding curves share one; the faces of a square are all "mid-face".
     """
     probes = probes_with(table, prefix)
     colours = probe_colours(list(probes))
-    found: dict[str, list[str]] = {}  # column to the probes that share its curve
+    found: dict[str, list[str]] = {}  # probes that share a curve, by column
     for probe, column in probes.items():
         values = np.asarray(table[column])
         near = 2e-3 * np.ptp(values[np.isfinite(values)])
@@ -145,20 +146,20 @@ def _listed(names: list[str]) -> str:
 
 
 def open_front(depth: Array) -> Array:
-    """Return the depths of a front without those of a pool that has closed.
+    """Return the depths of a front without those of a closed liquid core.
 
-    Where the pool closes, all of the way from a face to the middle is solid at once: the depth
-    jumps there to half a section, on the narrow face of a slab from some 100 to 700 mm, which says
-    nothing of the shell and hides what does. A front that walks to the middle is kept. The middle
-    of a strained section moves, by a per cent or two.
+    Where the core closes, the whole distance from a face to the middle becomes solid at once: the
+    depth jumps to half the section, on the narrow face of a slab from some 100 to 700 mm, which has
+    no meaning for the shell and hides the rest. A front that moves continuously to the middle is
+    kept. The middle of a strained section moves by one or two per cent.
 
     Args:
-        depth: (rows,), of one place from the top down; NaN where there is none.
+        depth: (rows,), at one place from the top down; NaN where there is none.
     """
     known = np.flatnonzero(np.isfinite(depth))
     values = depth[known]
     same = int(np.argmax(values[::-1] < 0.98 * values[-1:])) if known.size else 0
-    # one row alone, or rows behind one without shell, may be the first shell
+    # a single row, or rows after one without a shell, may be the first shell
     if same < 2 or not 0.05 < values[-same - 1] / values[-1] < 0.8:
         return depth
     found = depth.copy()
@@ -167,7 +168,7 @@ def open_front(depth: Array) -> Array:
 
 
 def prefix_for(largest: float, unit: str) -> tuple[float, str]:
-    """What to divide by, and the unit then: of joules and watts the one that suits their size."""
+    """Divisor and unit for a range of values: joules and watts with a prefix."""
     if unit.startswith(("J", "W")):
         for size, prefix in ((1e6, "M"), (1e3, "k")):
             if largest >= size:
@@ -176,14 +177,14 @@ def prefix_for(largest: float, unit: str) -> tuple[float, str]:
 
 
 def axis_label(table: Columns, name: str) -> str:
-    """What a column is and its unit, for the axis of a figure."""
+    """Label of a column with its unit, for the axis of a figure."""
     known = find(name)
     label = name.replace("_", " ") if known is None else known[0].axis_label
     return f"{label} [{unit_of(table, name)}]"
 
 
 def low_legend(figure: Figure, handles: list[Any]) -> None:
-    """Gives a figure its legend below all, in as many columns as fit into its width."""
+    """Put the legend of a figure below everything, in as many columns as fit."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     canvas = figure.canvas
@@ -198,10 +199,10 @@ def low_legend(figure: Figure, handles: list[Any]) -> None:
 
 
 def place_legend(panel: Axes, columns: int = 2) -> None:
-    """Gives a panel its legend where no curve runs: in a corner or at an edge, else above all.
+    """Put the legend of a panel where there is no curve: in a corner or at an edge, else above all.
 
-    To be called when curves, limits and size of the panel are settled. Where there is no room the
-    axis is made longer.
+    Call this when curves, limits and size of the panel are final. Without room the axis is
+    extended.
     """
     drawn = _drawn_curves(panel)
     sizes: list[tuple[float, float]] = []
@@ -217,7 +218,7 @@ def place_legend(panel: Axes, columns: int = 2) -> None:
                 legend.set_loc(name)
                 return
     width, height = sizes[-1]
-    highest = {  # of the curves under each upper corner
+    highest = {  # of the curves below each upper corner
         name: float(_heights(drawn, left, left + width).max(initial=0.0))
         for name, left, _ in _spots(width, height)[:2]
     }
@@ -228,7 +229,7 @@ def place_legend(panel: Axes, columns: int = 2) -> None:
 
 
 def _spots(width: float, height: float) -> list[tuple[str, float, float]]:
-    """Where a legend may stand, the best first: its name, left and lower end of its room."""
+    """Possible places of a legend, the best first: name, left and lower end of its room."""
     across = {"left": 0.0, "right": 1.0 - width, "center": 0.5 * (1.0 - width)}
     up = {"upper": 1.0 - height, "lower": 0.0, "center": 0.5 * (1.0 - height)}
     both = [(h, v) for h in ("left", "right", "center") for v in ("upper", "lower", "center")]
@@ -241,13 +242,13 @@ def _spots(width: float, height: float) -> list[tuple[str, float, float]]:
 def _heights(
     drawn: list[tuple[NDArray[np.float64], NDArray[np.float64]]], left: float, right: float
 ) -> NDArray[np.float64]:
-    """Heights of all curves between two shares of the width."""
+    """Heights of all curves between two fractions of the width."""
     found = np.concatenate([np.zeros(0), *[y[(x >= left) & (x <= right)] for x, y in drawn]])
     return found[np.isfinite(found)]
 
 
 def _size(panel: Axes, legend: Legend) -> tuple[float, float]:
-    """Width and height of a legend with the room around it, of those of the panel."""
+    """Width and height of a legend including its margin, relative to the panel."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     figure = panel.figure.get_figure(root=True)
@@ -255,12 +256,12 @@ def _size(panel: Axes, legend: Legend) -> tuple[float, float]:
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     box = legend.get_window_extent(canvas.get_renderer())  # type: ignore[no-untyped-call]
-    around, room = panel.get_window_extent(), 0.2 * figure.dpi  # inches in all
+    around, room = panel.get_window_extent(), 0.2 * figure.dpi  # inches in total
     return float((box.width + room) / around.width), float((box.height + room) / around.height)
 
 
 def _drawn_curves(panel: Axes) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """The curves of a panel as shares of its width and height, close points on each."""
+    """The curves of a panel relative to its width and height, as dense points."""
     grid = np.linspace(0.0, 1.0, 401, dtype=np.float64)
     found = []
     for line in panel.lines:

@@ -25,7 +25,7 @@ _SHOWN = {"K": ("°C", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "m": ("mm"
 
 
 def plot_columns(table: Columns, names: Sequence[str], axes: Axes | None) -> Axes:
-    """Columns of a history over the position below the meniscus."""
+    """Plot columns of a history over the position below the meniscus."""
     from matplotlib import pyplot
 
     unknown = [name for name in names if name not in table]
@@ -49,12 +49,12 @@ def plot_columns(table: Columns, names: Sequence[str], axes: Axes | None) -> Axe
 
 
 def plot_field(fields: Fields, name: str, index: int, axes: Axes | None) -> Axes:
-    """A scalar field over the whole section, in mm, with its scale."""
+    """Plot a scalar field over the whole section, in mm, with its colour scale."""
     from matplotlib import pyplot
 
     values = fields.values(name, index)
     if values.ndim != 1 or fields.centre(name) != "point":
-        raise InputError(f"section: {name} is no scalar at the nodes; take fields() and draw it")
+        raise InputError(f"section: {name} is not a scalar at the nodes; take fields() and draw it")
     unit, factor, offset = _SHOWN.get(UNITS.get(name, "-"), ("", 1.0, 0.0))
     mesh, shown = section_triangles(fields, factor * values + offset)
     drawn = axes if axes is not None else pyplot.subplots(layout="constrained")[1]
@@ -76,7 +76,7 @@ def plot_field(fields: Fields, name: str, index: int, axes: Axes | None) -> Axes
 
 
 def _turned(drawn: Axes) -> Axes:
-    """The axes, and those of a scale of colours beside them, in the units that were chosen."""
+    """Convert the axes, and those of a colour scale beside them, to the chosen units."""
     figure = drawn.figure.get_figure(root=True)
     if is_chosen() and figure is not None:
         from castfem.post.plots.chosen_units import in_chosen_units

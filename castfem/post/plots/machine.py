@@ -1,4 +1,4 @@
-"""Pictures of a caster: from the side, with what its rolls do; what they resist, drives take."""
+"""Pictures of a caster: side view with the phases of its rolls; resistance and drives."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _RESISTANCE, _POTENTIAL, _EFFORT, _LEFT = "#d55e00", "#1f4e79", "#0072b2", "#c6d
 
 @dataclass(frozen=True, slots=True)
 class Spray:
-    """A spray seen from the side."""
+    """A spray in side view."""
 
-    start: float  #: where it begins on the face, from the meniscus, m
-    end: float  #: where it ends, m
-    stand_off: float  #: of its nozzle from the face, m
-    inside: bool  #: whether it is that of the intrados
-    #: whether its nozzles have another share of their water than they are meant to
+    start: float  #: its start on the face, from the meniscus, m
+    end: float  #: its end, m
+    stand_off: float  #: distance of its nozzle from the face, m
+    inside: bool  #: whether it is on the intrados
+    #: whether its nozzles have another share of their water than nominal
     defect: bool = False
 
 
@@ -77,7 +77,7 @@ def draw(
 
 
 def _strand(ax: Axes, side: Side, mould_end: float | None) -> None:
-    """The strand, coloured by what the rolls do to it, and the mould round its top."""
+    """The strand, coloured by phase of the machine, and the mould around its top."""
     pairs, named = side.rolls.pairs, set[str]()
     first, last = pairs[0].position, pairs[-1].position
     parts = [
@@ -121,9 +121,9 @@ def _rolls(ax: Axes, side: Side) -> None:
 
 
 def _marks(ax: Axes, side: Side, marks: Sequence[tuple[float, str]]) -> None:
-    """A line across the strand at each marked position, with its words beyond the intrados."""
+    """A line across the strand at each marked position, with its text beyond the intrados."""
     for after, (place, words) in enumerate(sorted(marks, reverse=True)):
-        beyond = (1.0 + 0.7 * after) * 0.6  # m; words stand one above the other
+        beyond = (1.0 + 0.7 * after) * 0.6  # m; texts are placed one above the other
         line = np.array([side.across(place, 0.0)[0], side.across(place, beyond)[1]])
         ax.plot(*line.T, color="k", linewidth=2.0)
         ax.annotate(words, line[1], (4, 2), textcoords="offset points", fontsize=8.5)
@@ -142,9 +142,9 @@ def _numbers(ax: Axes, side: Side) -> None:
 
 
 def numbered(rolls: Rolls) -> list[int]:
-    """Indices of pairs that get a number: with a defect, driven, first, last, every fifth.
+    """Indices of pairs to be numbered: with a defect, driven, first, last, every fifth.
 
-    Of two neighbours one does, of a defect both.
+    Of two neighbours only one is numbered; of defective ones both.
     """
     pairs = rolls.pairs
     found = {i for i, pair in enumerate(pairs) if pair.defect}
@@ -158,7 +158,7 @@ def numbered(rolls: Rolls) -> list[int]:
 
 
 def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:
-    """Every spray, from its nozzle to what it reaches on the face."""
+    """Draw every spray, from its nozzle to its area on the face."""
     from matplotlib.collections import PolyCollection
 
     fans: dict[str, list[Array]] = {"sprays": [], "sprays with a defect": []}
@@ -177,7 +177,7 @@ def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:
 def draw_drives(
     rolls: Rolls, known: KnownResistance, path: str | os.PathLike[str], title: str = ""
 ) -> None:
-    """Draw resistance and effort over position, and the load of each drive (Figs 144-145, 174)."""
+    """Draw resistance and axial force over position, and each drive's load (Figs 144-145, 174)."""
     place = np.array([pair.position for pair in rolls.pairs])
     steps, shares, capacities = known.steps, known.shares, known.capacities
     with look():
@@ -191,7 +191,7 @@ def draw_drives(
 
 
 def _cumulated(axes: Axes, place: Array, steps: Array, shares: Shares, capacities: Array) -> None:
-    """Resistance to each position, what drives take of it, and what they could at most."""
+    """Cumulative resistance, drive forces, and capacity of the drives."""
     for values, colour, style, label in (
         (steps, _RESISTANCE, "-", "resistance of the rolls"),
         (shares.drive, _POTENTIAL, "-", "taken by the drives"),
@@ -207,7 +207,7 @@ def _cumulated(axes: Axes, place: Array, steps: Array, shares: Shares, capacitie
 
 
 def _effort(axes: Axes, place: Array, shares: Shares, rolls: Rolls) -> None:
-    """Axial effort, down at each drive; rolls with a defect are marked."""
+    """Axial force, reduced at each drive; defective rolls are marked."""
     at = np.repeat(place, 2)
     value = np.column_stack([shares.effort, shares.effort - shares.drive]).ravel()
     axes.plot(at, 1e-3 * value, color=_EFFORT)
@@ -225,7 +225,7 @@ def _effort(axes: Axes, place: Array, shares: Shares, rolls: Rolls) -> None:
 
 
 def _loads(axes: Axes, shares: Shares, capacities: Array) -> None:
-    """Load of each drive, and what it has left."""
+    """Load of each drive, and its remaining capacity."""
     driven = np.flatnonzero(capacities > 0.0)
     names = [f"#{i + 1}" for i in driven]
     load = 1e-3 * shares.drive[driven]

@@ -1,7 +1,7 @@
-"""The surface of the strand unrolled: temperature, low-ductility band, crack indexes.
+"""Maps of the surface of the strand: temperature, low-ductility range, crack indexes.
 
-The colours are those of [Pascon2003] (Figs 154 to 165): green above the band, blue below, from
-violet to light yellow within; of an index white is zero.
+The colours are those of [Pascon2003] (Figs 154 to 165): green above the range, blue below, from
+violet to light yellow within; for an index white is zero.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _RED = "#c1272d"
 _WORDS = {"won": "damage (Won)", "clyne_davies": "time ratio", "rdg": "pressure drop"}
-_ROUNDED = {"1/s": 1e5}  # units in which an index is drawn larger
+_ROUNDED = {"1/s": 1e5}  # factors on indexes in some units
 
 
 @lru_cache
@@ -49,10 +49,10 @@ def temperature_colours() -> Colormap:
 
 
 def band_norm(low: float, high: float, band: tuple[float, float]) -> Normalize:
-    """A scale from the coldest to the hottest that gives the band its third."""
+    """A scale from the coldest to the hottest in which the range takes a third."""
     from matplotlib.colors import FuncNorm
 
-    # K, at least beyond the band
+    # K, at least, beyond the range
     ends = [min(low, band[0] - 25.0), *band, max(high, band[1] + 25.0)]
     thirds = np.linspace(0.0, 1.0, 4)
     functions = (
@@ -63,7 +63,7 @@ def band_norm(low: float, high: float, band: tuple[float, float]) -> Normalize:
 
 
 def band_ticks(norm: Normalize) -> list[float]:
-    """Round temperatures along such a scale, the ends of the band among them."""
+    """Round temperatures along such a scale, including the ends of the range."""
     return [round(float(tick), -1) for tick in norm.inverse(np.linspace(0.0, 1.0, 7))]
 
 
@@ -78,13 +78,13 @@ def index_colours() -> Colormap:
 
 
 def edges(centres: Array) -> Array:
-    """Ends of the cells around places: half-way between them, (n + 1,)."""
+    """Ends of the cells around points: half-way between them, (n + 1,)."""
     middle = 0.5 * (centres[1:] + centres[:-1])
     return np.concatenate([centres[:1], middle, centres[-1:]])
 
 
 def draw_maps(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
-    """Temperature, band, I1 and I2 over the way round the section and down the strand.
+    """Temperature, range, I1 and I2 over the length around the section and the position.
 
     Returns:
         None before the second step.
@@ -117,12 +117,12 @@ def draw_maps(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
 
 
 def draw_depths(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
-    """Criteria of hot tearing over the depth and down the strand, with the brittle range.
+    """Hot tearing criteria over the depth and the position, with the brittle range.
 
-    Of each criterion the first line into the section is drawn, and that on which it is largest.
+    For each criterion the first line into the section is drawn, and the one with its largest value.
 
     Returns:
-        None before the second step, or where nothing has frozen.
+        None before the second step, or if nothing has frozen.
     """
     rows = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
     line, chosen = maps.heading.line, []
@@ -142,7 +142,7 @@ def draw_depths(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
         kelvin = maps["temperature"][np.ix_(rows, places)]
         values = index_values(maps, one)[np.ix_(rows, places)]
         top, band = float(index_values(maps, one).max()), maps.heading.band
-        hidden = (values <= 0.0) | (kelvin > band[1])  # between the last vertex and the next
+        hidden = (values <= 0.0) | (kelvin > band[1])  # between one vertex and the next
         shades = panel.pcolormesh(
             edges(x), edges(depth), np.ma.masked_where(hidden, values).T, cmap=index_colours(),
             vmin=0.0, vmax=top, shading="flat", rasterized=True,
@@ -168,7 +168,7 @@ def _bar(panel: Axes, shades: ScalarMappable, label: str) -> Any:
 def _draw_band(
     panel: Axes, maps: SurfaceMaps, x: Array, y: Array, rows: Indices, options: dict[str, Any]
 ) -> None:
-    """Red where the steel has little ductility."""
+    """Red in the temperature range of low ductility."""
     from matplotlib.colors import ListedColormap
 
     inside = maps[IN_BAND][rows].T
@@ -186,7 +186,7 @@ def _draw_index(
     grid: tuple[Array, Array, Indices],
     abscissa: Abscissa,
 ) -> None:
-    """One index, its largest value ringed."""
+    """One index, with its largest value marked."""
     x, y, rows = grid
     values = index_values(maps, one)[rows]
     top = float(values.max())
@@ -214,13 +214,13 @@ def index_values(maps: SurfaceMaps, one: SurfaceMap) -> Array:
 
 
 def index_label(one: SurfaceMap) -> str:
-    """Name and unit of an index; rates of strain are shown in 1e-5 1/s."""
+    """Name and unit of an index; strain rates are shown in 1e-5 1/s."""
     rounded = "1e-5 " if one.shown in _ROUNDED else ""
     return f"{_WORDS.get(one.name, one.name)} [{rounded}{plain_unit(one.shown)}]"
 
 
 def _name_faces(panel: Axes, line: SurfaceLine) -> None:
-    """Parts the faces by lines, and names them along the axis."""
+    """Separate the faces by lines, and name them along the axis."""
     ends = np.flatnonzero(np.diff(line.face)) + 0.5
     way = 1e3 * line.way
     marks = np.interp(ends, np.arange(len(way)), way)
@@ -236,9 +236,9 @@ def _name_faces(panel: Axes, line: SurfaceLine) -> None:
 
 
 def _mark_phases(axes: list[Axes], stations: Stations, abscissa: Abscissa) -> None:
-    """Lines where bending and straightening begin and end, and around rolls that are off.
+    """Lines where bending and straightening begin and end, and around misaligned rolls.
 
-    They are named in the first panel, rolls that are off below the rest: their stretches may lie
+    They are named in the first panel, misaligned rolls below the rest, since their stretches may be
     within that of the bender.
     """
     if stations.rolls is None:

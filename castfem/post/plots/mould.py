@@ -1,4 +1,4 @@
-"""Pictures of a mould: its taper, its wall at work, the section at the meniscus that fits it.
+"""Pictures of a mould: its taper, its working wall, the section at the meniscus that fits it.
 
 Figures are those of [Pascon2003] (docs/references.md).
 """
@@ -55,14 +55,14 @@ def _in_mm(ax: Axes, title: str) -> None:
 
 
 def _downwards(axes: Sequence[Axes], length: float) -> None:
-    """The position runs down the panels."""
+    """Let the position increase downwards in the panels."""
     for panel in axes:
         panel.set_ylim(1e3 * length, 0.0)
         panel.set_ylabel("position below the meniscus [mm]")
 
 
 def closed(mould: Mould, position: float, points: int = STYLE.segment) -> Array:
-    """Points (n, 2) round the contour, as many at every position, m."""
+    """Points (n, 2) around the contour, as many at every position, m."""
     found = np.concatenate([s.points(points) for s in mould.contour(position).segments])
     return np.concatenate([found, found[:1]])
 
@@ -100,7 +100,7 @@ def _section(ax: Axes, mould: Mould) -> None:
 
 
 def _wall(ax: Axes, mould: Mould) -> None:
-    """How far the wall has moved in since the meniscus."""
+    """Inward displacement of the wall since the meniscus."""
     knots = [k for c in mould.tapers.profiles for k in c.knots() if k <= mould.length]
     z = np.unique([*np.linspace(0.0, mould.length, 201), *knots])
     start = mould.marks(0.0)
@@ -115,21 +115,22 @@ def _wall(ax: Axes, mould: Mould) -> None:
 
 
 def draw_hot(found: Drawing, wall: HotWall, path: str | os.PathLike[str], title: str = "") -> None:
-    """Draw a mould cold and at work: section, width and diagonal, temperature of its faces."""
+    """Draw a cold and working mould: section, width and diagonal, temperature of its faces."""
     with _panels(path, title, (12.6, 5.8), (5.0, 3.6, 3.6)) as axes:
         _hot_section(axes[0], found)
         _wider(axes[1], found)
         _faces(axes[2], wall)
         _downwards(axes[1:], found.cold.length)
         for panel in axes[1:]:
-            # a legend within would hide curves
+            # a legend inside would hide curves
             panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, fontsize=8)
 
 
 def _hot_section(ax: Axes, found: Drawing) -> None:
-    """The cold section half way down, and the wall at work at three positions."""
+    """The cold section half way down, and the working wall at three positions."""
     length = found.cold.length
-    angle = np.asarray(np.linspace(0.25, 2.25, 721) * np.pi, np.float64)  # ends in a corner
+    # begins and ends in a corner
+    angle = np.asarray(np.linspace(0.25, 2.25, 721) * np.pi, np.float64)
     for name, position, colour in zip(_STAGES, (0.0, 0.5 * length, length), _COLOURS, strict=True):
         cold, hot = (
             radius_at(closed(mould, position, STYLE.dense), angle)
@@ -144,14 +145,14 @@ def _hot_section(ax: Axes, found: Drawing) -> None:
 
 
 def radius_at(points: Array, angle: Array) -> Array:
-    """Distance from the centre at angles, of a closed outline round it."""
+    """Distance from the centre, at some angles, of a closed outline around it."""
     own = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
     order = np.argsort(own)
     return np.interp(angle, own[order], np.hypot(*points[order].T), period=2.0 * np.pi)
 
 
 def _wider(ax: Axes, found: Drawing) -> None:
-    """How much wider the mould is at work than in the workshop."""
+    """Difference of the widths of the working and the cold mould."""
     z = np.linspace(0.0, found.cold.length, 201)
     cold, hot = ([m.dimensions(float(p)) for p in z] for m in (found.cold, found.hot))
     for name, colour in zip(cold[0], _COLOURS, strict=False):
@@ -181,7 +182,7 @@ def _faces(ax: Axes, wall: HotWall) -> None:
 def draw_section(
     attempts: Sequence[Attempt], sides: Sides, path: str | os.PathLike[str], title: str = ""
 ) -> None:
-    """Draw the section at the meniscus whose strand has the wanted one in the end (Fig. 121)."""
+    """Draw the section at the meniscus that gives the wanted one at the end (Fig. 121)."""
     last = attempts[-1]
     with _panels(path, title, (12.6, 4.9), (4.0, 4.0, 3.6)) as (left, right, steps):
         _outline(left, last.start, sides, "at the meniscus", "#0072b2")
@@ -191,11 +192,11 @@ def draw_section(
         steps.set_xticks(number)
         steps.set_xlabel("run")
         steps.set_ylabel("largest deviation [um]")
-        steps.set_title("deviation from the wanted section")
+        steps.set_title("deviation from the required section")
 
 
 def _outline(ax: Axes, outline: Outline, sides: Sides, where: str, colour: str) -> None:
-    """The rectangle, and an outline beside it."""
+    """The rectangle, and an outline relative to it."""
     places = Places.spread(sides, 60, 30, order=1)
     points, normals = places.on(sides)
     offset = np.interp(places.ways(sides), outline.ways, outline.offset)

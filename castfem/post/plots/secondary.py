@@ -1,4 +1,4 @@
-"""Surface temperatures from roll to roll, above what each face meets on its way."""
+"""Surface temperatures from roll to roll, above the cooling of each face."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _NAMES = {
 
 
 def draw_roll_to_roll(table: Columns, abscissa: Abscissa, case: Case) -> Figure | None:
-    """Draw the surface temperatures of a case with [secondary], all of the way and close by.
+    """Draw the surface temperatures of a case with [secondary]: whole length and detail.
 
     Returns:
-        The figure; None of a run that has not come below its mould.
+        The figure; None for a run that has not left its mould.
     """
     rolls = None if case.machine is None else case.machine.pairs()
     start = case.cooling[-1].to
@@ -74,7 +74,7 @@ def draw_roll_to_roll(table: Columns, abscissa: Abscissa, case: Case) -> Figure 
 
 
 def faces_met(case: Case, rolls: Rolls, end: float) -> dict[str, tuple[Stretch, ...]]:
-    """Return what each face meets down to a position, m, by its name for a reader."""
+    """Return the stretches of each face down to a position, m, by its label."""
     table, height = case.secondary, case.section.outline()[1]
     assert table is not None and height is not None
     line, rows = rolls.line(height), table.rows(rolls, height)
@@ -87,7 +87,7 @@ def faces_met(case: Case, rolls: Rolls, end: float) -> dict[str, tuple[Stretch, 
 
 
 def close_by(rolls: Rolls, start: float, end: float) -> tuple[float, float]:
-    """Ends of what is shown close by: straightening, or else the last pitches that were met, m."""
+    """Ends of the detailed range: straightening, or else the last pitches passed, m."""
     pitches, places = 8, [pair.position for pair in rolls.pairs]
     for phase in phases(rolls):
         if phase.kind == "straightening" and places[phase.last] <= end:
@@ -104,7 +104,7 @@ def _temperatures(
     lines: list[tuple[str, str, str]],
     ends: tuple[float, float],
 ) -> None:
-    """The surface temperatures between two positions, m."""
+    """Plot the surface temperatures between two positions, m."""
     within = (abscissa.position >= ends[0]) & (abscissa.position <= ends[1])
     shown = []
     for name, colour, column in lines:
@@ -120,7 +120,7 @@ def _temperatures(
 
 
 def _lanes(axes: Axes, faces: dict[str, tuple[Stretch, ...]], ends: tuple[float, float]) -> None:
-    """What each face meets, one lane a face."""
+    """Draw the stretches of each face, one lane per face."""
     for lane, met in enumerate(faces.values()):
         for kind in KINDS:
             spans = [(s.start, s.end - s.start) for s in met if s.kind == kind]

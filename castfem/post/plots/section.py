@@ -1,4 +1,4 @@
-"""Figures over the section: the temperature field and what is solid, mushy and liquid."""
+"""Figures over the section: temperature field, and solid, mushy and liquid regions."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
 
 MARGINS = Margins(left=0.72, right=0.15, above=0.15, below=0.5, between=0.62)
 MIRRORED = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
-"""Signs of x and y of the parts that make the whole section, by what is modelled."""
+"""Signs of x and y of the parts that form the whole section, by modelled part."""
 
 
 @dataclass(frozen=True, slots=True)
 class Steel:
-    """Between which temperatures it freezes: solidus and liquidus [K]."""
+    """Freezing range: solidus and liquidus [K]."""
 
     solidus: float
     liquidus: float
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> Steel | None:
-        """From entries `solidus` and `liquidus`; None if they are not there."""
+        """Make it from entries `solidus` and `liquidus`; None if they are missing."""
         try:
             return cls(float(facts["solidus"]), float(facts["liquidus"]))
         except (KeyError, TypeError, ValueError):
@@ -60,7 +60,7 @@ def section_triangles(
     mirrored: bool = True,
     moved: NDArray[np.float64] | float = 0.0,
 ) -> tuple[Triangulation, NDArray[np.float64]]:
-    """The mesh, moved by a displacement [m], as triangles [mm] with a nodal field on it."""
+    """The mesh, displaced [m], as triangles [mm] with a nodal field on it."""
     from matplotlib.tri import Triangulation
 
     points = fields.points[:, :2] + moved
@@ -75,7 +75,7 @@ def section_triangles(
 
 
 def draw_temperature(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure:
-    """The temperature field with solidus and liquidus drawn into it and into its scale.
+    """The temperature field, with solidus and liquidus drawn in it and in its scale.
 
     Thin white lines are isotherms, at the numbers of the scale.
     """
@@ -106,7 +106,7 @@ def draw_temperature(fields: Fields, steel: Steel | None, *, index: int = -1) ->
 
 
 def draw_states(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
-    """What is solid, mushy and liquid, with the share of each; None when the steel is unknown."""
+    """Solid, mushy and liquid regions with their area fractions; None if the steel is unknown."""
     if steel is None:
         return None
     temperature = fields.values("temperature", index)
@@ -122,7 +122,7 @@ def draw_states(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figu
 def fill_states(
     axes: Axes, mesh: Triangulation, kelvin: NDArray[np.float64], steel: Steel
 ) -> list[Patch]:
-    """Fills what is solid, mushy and liquid; returns their legend."""
+    """Fill the solid, mushy and liquid regions; return their legend entries."""
     from matplotlib.patches import Patch
 
     low = min(float(kelvin.min()), steel.solidus) - 1.0
@@ -136,7 +136,7 @@ def fill_states(
 def state_shares(
     mesh: Triangulation, values: NDArray[np.float64], steel: Steel
 ) -> tuple[float, float, float]:
-    """Shares of the area that are solid, mushy and liquid, exact for the drawn triangles."""
+    """Area fractions that are solid, mushy and liquid, exact for the drawn triangles."""
     corners = np.sort(values[mesh.triangles], axis=1)
     x, y = mesh.x[mesh.triangles], mesh.y[mesh.triangles]
     area = 0.5 * np.abs(
@@ -148,7 +148,7 @@ def state_shares(
 
 
 def _share_below(corners: NDArray[np.float64], level: float) -> NDArray[np.float64]:
-    """The part of each triangle where its linear field, corner values sorted, is below a level."""
+    """Fraction of each triangle below a level, for a linear field with sorted corner values."""
     a, b, c = corners.T
     with np.errstate(divide="ignore", invalid="ignore"):
         rising = (level - a) ** 2 / ((b - a) * (c - a))
@@ -160,7 +160,7 @@ def _share_below(corners: NDArray[np.float64], level: float) -> NDArray[np.float
 def draw_isotherms(
     axes: Axes, mesh: Triangulation, values: NDArray[np.float64], steel: Steel | None
 ) -> list[Any]:
-    """Draws solidus and liquidus into a field in degC and returns their legend."""
+    """Draw solidus and liquidus in a field in degC; return their legend entries."""
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
 
@@ -180,7 +180,7 @@ def draw_isotherms(
 
 
 def _size(mesh: Triangulation) -> tuple[float, float]:
-    """Width and height of the frame [inch], as those of the section unless it is a mere line."""
+    """Width and height of the frame [inch], proportional to the section unless very slender."""
     ratio = float(np.ptp(mesh.x) / np.ptp(mesh.y))
     if 1 / STYLE.slender < ratio < STYLE.slender:
         return (7.2, 7.2 / ratio) if ratio > STYLE.wide else (5.0 * ratio, 5.0)
@@ -188,7 +188,7 @@ def _size(mesh: Triangulation) -> tuple[float, float]:
 
 
 def lies_flat(mesh: Triangulation) -> bool:
-    """Whether the section is so wide that the colour bar goes below."""
+    """Whether the section is so wide that the colour bar is placed below it."""
     width, height = _size(mesh)
     return width / height > STYLE.wide
 
@@ -203,7 +203,7 @@ def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
     bottom = MARGINS.below + (MARGINS.between if bar and flat else 0.0)
     top = MARGINS.above + 0.2 * (title.count("\n") + 1)
     across, up = max(MARGINS.left + width + right, 3.6), bottom + height + top
-    aside = 0.5 * (across - MARGINS.left - width - right)  # of a figure wider than what it shows
+    aside = 0.5 * (across - MARGINS.left - width - right)  # for a figure wider than its content
     figure = new_figure(across, up, layout="none")
     figure.subplots_adjust(
         left=(MARGINS.left + aside) / across,
@@ -226,7 +226,7 @@ def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
 def shade(
     axes: Axes, mesh: Triangulation, values: NDArray[np.float64], cmap: str, low: float, high: float
 ) -> TriMesh:
-    """Shades a nodal field smoothly, faster than `tripcolor`; the limits of the axes stay."""
+    """Shade a nodal field smoothly, faster than `tripcolor`; the limits of the axes are kept."""
     from matplotlib.collections import TriMesh
     from matplotlib.colors import Normalize
 
@@ -240,7 +240,7 @@ def shade(
 def colour_bar(
     figure: Figure, axes: Axes, shades: ScalarMappable, lies: bool, label: str = "temperature [°C]"
 ) -> Colorbar:
-    """The scale of the colours, as long as the frame."""
+    """The colour scale, as long as the frame."""
     if not lies:
         return _turned(
             figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
@@ -251,7 +251,7 @@ def colour_bar(
 
 
 def _turned(bar: Colorbar) -> Colorbar:
-    """A scale whose ticks stand at round numbers of the unit it is shown in."""
+    """A colour scale with ticks at round numbers of the shown unit."""
     if is_chosen():
         from castfem.post.plots.chosen_units import turn
 
@@ -260,7 +260,7 @@ def _turned(bar: Colorbar) -> Colorbar:
 
 
 def legend_below(figure: Figure, handles: list[Any]) -> None:
-    """A legend under everything, on one or two lines if there is room; the figure grows by it."""
+    """A legend below everything, on one or two lines if there is room; the figure is enlarged."""
     width, height = figure.get_size_inches()
     lines = (len(handles), (len(handles) + 1) // 2)
     columns = next((n for n in lines if width > 1.4 * n), 1)
@@ -276,7 +276,7 @@ def legend_below(figure: Figure, handles: list[Any]) -> None:
 
 
 def when(what: str, fields: Fields, index: int) -> str:
-    """The title: what, where and when."""
+    """The title: field, position and time."""
     position, time = float(fields.positions[index]), float(fields.times[index])
     where = place_said(position, near=".4g")
     return f"{what} at {where} below the meniscus, t = {said(time, 's', '.4g', 'time')}"

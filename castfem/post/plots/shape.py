@@ -1,4 +1,4 @@
-"""The shape of a section: its outline, how it is distorted, and how much to magnify that."""
+"""The shape of a section: its outline, its deformation, and the magnification of that."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ _PLANES = {"quarter": (0, 1), "half": (0,)}  # the axis that is 0 on each plane 
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """The boundary of the modelled part, in straight pieces between nodes."""
+    """The boundary of the modelled part, as straight pieces between nodes."""
 
-    surface: Indices  #: (s, 2) nodes of the pieces of the strand's surface, the steel on their left
-    #: plane of symmetry (the axis that is 0 on it) to the pieces (c, 2) on it
+    #: (s, 2) nodes of the pieces of the strand's surface, with the steel on their left
+    surface: Indices
+    #: pieces (c, 2) on each plane of symmetry, by the axis that is 0 on it
     cuts: dict[int, Indices]
 
     @classmethod
     def of(cls, fields: Fields) -> Outline:
-        """Finds it: pieces that belong to one cell only."""
+        """Find the pieces that belong to one cell only."""
         chains = np.array(_EDGES[fields.cell, fields.order])
         pieces = fields.cells[:, chains].reshape(-1, 2).astype(np.intp)
         _, first, count = np.unique(
@@ -58,7 +59,7 @@ class Outline:
         return np.vstack([self.surface, *self.cuts.values()])
 
     def chains(self) -> list[Indices]:
-        """The nodes of the surface one behind the other; a closed surface ends where it begins."""
+        """The nodes of the surface in order; a closed surface ends where it begins."""
         after = {int(start): int(end) for start, end in self.surface}
         heads = list(after.keys() - set(after.values()))
         found = []
@@ -70,7 +71,7 @@ class Outline:
         return found
 
     def outward(self, points: Array) -> tuple[Indices, Array]:
-        """The nodes of the surface (n,) and unit normals out of the steel (n, 2) at them."""
+        """The nodes of the surface (n,) and unit normals out of the steel (n, 2) there."""
         along = points[self.surface[:, 1], :2] - points[self.surface[:, 0], :2]
         sums = np.zeros((len(points), 2))
         for end in (0, 1):
@@ -82,14 +83,14 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class WallLine:
-    """The wall round the modelled part of a section; NaN parts its pieces."""
+    """The wall around the modelled part of a section; NaN separates its pieces."""
 
     start: Array  #: (n, 2) at the meniscus [m]
-    moved: Array  #: (n, 2) how far the same points have moved since [m]: the taper
+    moved: Array  #: (n, 2) displacement of these points since then [m]: the taper
 
     @classmethod
     def of(cls, fields: Fields, index: int) -> WallLine | None:
-        """From the case of the run; None without a mould at that time, or without a sound case."""
+        """Make it from the run's case; None without a mould at that time or a valid case."""
         from castfem.model import Case, read_case
         from castfem.model.build_mould import build_mould
 
@@ -110,27 +111,27 @@ class WallLine:
         return cls(start, now - start)
 
     def drawn(self, factor: float) -> Array:
-        """The wall (n, 2) [m], the taper magnified by a factor."""
+        """The wall (n, 2) [m], with the taper magnified."""
         return self.start + factor * self.moved
 
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """How a section is distorted, and the wall of its mould."""
+    """The deformation of a section, and the wall of its mould."""
 
     points: Array  #: (n, 2) nodes at the meniscus [m]
     outline: Outline  #: the boundary
     moved: Array  #: (n, 2) displacement of the nodes [m]
-    wall: WallLine | None  #: of the mould; None where there is none
+    wall: WallLine | None  #: wall of the mould; None if there is none
 
     @classmethod
     def of(cls, fields: Fields, index: int = -1) -> Distortion:
-        """Reads it; `index` of the time as in a list."""
+        """Read it; `index` of the time as for a list."""
         wall = WallLine.of(fields, index)
         return cls(fields.points[:, :2], Outline.of(fields), displacement(fields, index), wall)
 
     def places(self, factor: float) -> Array:
-        """All places (m, 2) [mm] that are drawn, displacement and taper magnified by a factor."""
+        """All points (m, 2) [mm] to be drawn, with displacement and taper magnified."""
         found = [self.points, self.points + factor * self.moved]
         if self.wall is not None:
             wall = self.wall.drawn(factor)
@@ -143,14 +144,14 @@ class Distortion:
 
 
 def displacement(fields: Fields, index: int = -1) -> Array:
-    """Displacement (n, 2) [m] of the nodes, 0 in a run without mechanics."""
+    """Displacement (n, 2) [m] of the nodes, 0 for a run without mechanics."""
     if "displacement" not in fields.names:
         return np.zeros((len(fields.points), 2))
     return fields.values("displacement", index)[:, :2]
 
 
 def magnification(moved: Array, points: Array, share: float = STYLE.moves) -> float:
-    """The largest factor 1, 2, 5, 10 ... that moves nothing by more than a share of a side."""
+    """The largest factor 1, 2, 5, 10 ... that moves nothing by more than a fraction of a side."""
     largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
     room = share * float(np.ptp(points[:, :2], axis=0).min())
     if largest <= 0.0 or not np.isfinite(largest):

@@ -1,7 +1,7 @@
-"""The slices of a run stacked along the strand: a picture in three dimensions, seen from below.
+"""Pictures of the strand: the slices of a run stacked in three dimensions, seen from below.
 
-The surface and the planes of symmetry are projected by hand and shaded in the plane: quick, smooth,
-and without a display. Displacements are magnified, lengths along the strand shortened.
+The surface and the symmetry planes are projected by hand and shaded in 2D: fast, smooth, and
+without a display. Displacements are magnified and lengths along the strand shortened.
 """
 
 from __future__ import annotations
@@ -36,41 +36,41 @@ if TYPE_CHECKING:
     from matplotlib.tri import Triangulation
 
 
-_ELEVATION = np.radians(-24.0)  # the eye lies below: the last slice is seen, not the first
+_ELEVATION = np.radians(-24.0)  # the eye is below: the last slice is visible, not the first
 _OUTSIDE = 50.0  # degrees from x
-_INSIDE = {"quarter": 230.0, "half": 130.0}  # from where planes of symmetry are seen
+_INSIDE = {"quarter": 230.0, "half": 130.0}  # directions from which symmetry planes are visible
 
 
 PICTURES = Margins(left=0.95, right=0.0, above=0.35, below=1.15, beside=0.25)
-_HEIGHT = 5.2  # of a picture, inches
+_HEIGHT = 5.2  # height of a picture, inches
 _EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.9}
 _RING: dict[str, Any] = {"color": "#555555", "linewidth": 0.45, "alpha": 0.55}
 
 
 @dataclass(frozen=True, slots=True)
 class Stack:
-    """The slices of a run: walls, with rows between the slices, and the last slice."""
+    """Stacked slices of a run: walls, with interpolated rows between slices, and the last slice."""
 
     fields: Fields  #: mesh and steel
-    #: (p, 2) pieces of the outline, the steel on their left, between nodes of a row
+    #: (p, 2) pieces of the outline between nodes of a row, the steel on their left
     pieces: NDArray[np.intp]
-    plane: Array  #: (m, 2) nodes of a row, not displaced [mm]
-    position: Array  #: (r,) of the rows, below the meniscus [m]
-    points: Array  #: (r, m, 3) nodes as drawn [mm], the third is up
+    plane: Array  #: (m, 2) undeformed nodes of a row [mm]
+    position: Array  #: (r,) position of the rows below the meniscus [m]
+    points: Array  #: (r, m, 3) nodes as drawn [mm], third coordinate upwards
     temperature: Array  #: (r, m) [K]
     stress: Array | None  #: (r, m) von Mises stress [Pa]; None without mechanics
     end: Array  #: (n, 3) nodes of the last slice as drawn [mm]
-    hottest: float  #: of all slices [K]
-    strongest: float  #: of what is solid in all of them, [Pa]
-    factor: float  #: by which displacements are magnified, 0 without any
+    hottest: float  #: highest temperature of all slices [K]
+    strongest: float  #: highest stress in the solid of all slices [Pa]
+    factor: float  #: magnification of displacements, 0 without any
 
     @classmethod
     def of(cls, fields: Fields, steel: Steel | None) -> Stack | None:
-        """Reads the slices; None of what is no strand: two times at least, and a way downwards."""
+        """Read the slices; None for less than two times or a slice that does not move."""
         sides = np.ptp(fields.points[:, :2], axis=0)
-        # Of what was written while the strand stood the last is what went on.
+        # Of states written while the strand stood still, keep the last.
         onward = np.flatnonzero(np.diff(fields.positions, append=np.inf) > 0.0)
-        # more cannot be told apart
+        # more cannot be distinguished
         chosen = np.linspace(0, max(len(onward) - 1, 0), 40).round().astype(int)
         times = onward[np.unique(chosen)] if len(onward) else onward
         position = fields.positions[times]
@@ -119,8 +119,9 @@ class Stack:
 
 
 def _between(position: Array) -> Array:
-    """Positions of rows, those of the slices among them, close enough to shade smoothly."""
-    each = max(1, -(-60 // (len(position) - 1)))  # triangles between distant slices would show
+    """Positions of rows, including the slices, close enough for smooth shading."""
+    # triangles between distant slices would be visible
+    each = max(1, -(-60 // (len(position) - 1)))
     parts = np.arange(each) / each
     inner = position[:-1, None] + np.diff(position)[:, None] * parts
     return np.append(inner.ravel(), position[-1])
@@ -128,18 +129,18 @@ def _between(position: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen of a stack from one side."""
+    """The visible part of a stack from one direction."""
 
     right: Array  #: directions (3,) of the picture
     up: Array
     #: the visible walls, the farther ones first; nodes are numbered row by row
     walls: Triangulation
-    pieces: NDArray[np.intp]  #: (p, 2) those of the outline on which these walls stand
-    inside: bool  #: whether planes of symmetry are seen
+    pieces: NDArray[np.intp]  #: (p, 2) pieces of the outline under these walls
+    inside: bool  #: whether symmetry planes are visible
 
     @classmethod
     def of(cls, stack: Stack, degrees: float) -> View:
-        """Looks from a direction, in degrees from x towards y."""
+        """View from a direction, in degrees from x towards y."""
         from matplotlib.tri import Triangulation
 
         angle = np.radians(degrees)
@@ -161,12 +162,12 @@ class View:
         return cls(right, up, walls, pieces, degrees != _OUTSIDE)
 
     def project(self, points: Array) -> Array:
-        """Points (..., 3) in the picture (..., 2)."""
+        """Project points (..., 3) onto the picture (..., 2)."""
         return np.stack([points @ self.right, points @ self.up], axis=-1)
 
 
 def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
-    """The strand from outside and, if less than the whole is modelled, from its core.
+    """Draw the strand from outside and, if less than the whole is modelled, from its core.
 
     Returns:
         None for a strip, or before the second time was written.
@@ -196,9 +197,9 @@ def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
 
 
 def _places(kinds: int, views: int, wide: float) -> tuple[Figure, list[Axes], list[Axes]]:
-    """An empty figure, its pictures `wide` inches wide from left to right, and the scales below.
+    """An empty figure with pictures `wide` inches wide, left to right, and the scales below.
 
-    They are placed by hand: there is little to fit, and to find a layout takes as long as to draw.
+    They are placed by hand: a layout search would take as long as drawing.
     """
     count = kinds * views
     width = PICTURES.left + count * (wide + PICTURES.beside)
@@ -242,7 +243,7 @@ def _draw_view(
 
 
 def _fit(axes: Axes, view: View, stack: Stack, size: Array) -> None:
-    """Limits of a width and height that are those of all pictures: they have one scale."""
+    """Set limits for the same width and height in all pictures, so that they have one scale."""
     drawn = view.project(stack.points).reshape(-1, 2)
     low, high = drawn.min(axis=0), drawn.max(axis=0)
     start, end = 0.5 * (low + high - size), 0.5 * (low + high + size)
@@ -266,7 +267,7 @@ def _shading(stack: Stack, kind: str) -> tuple[Array, Array, tuple[str, float, f
 def _draw_isotherms(
     axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel, kind: str
 ) -> None:
-    """Solidus and liquidus; of the stress, what is soft is covered."""
+    """Draw solidus and liquidus; in stress plots, cover the non-solid part."""
     low, high = float(kelvin[mesh.triangles].min()), float(kelvin[mesh.triangles].max())
     if kind == "stress" and high > steel.solidus:
         fill_soft(axes, mesh, kelvin, steel, high)
@@ -276,7 +277,7 @@ def _draw_isotherms(
 
 
 def _draw_edges(axes: Axes, stack: Stack, view: View) -> None:
-    """The outline of the last slice, what is seen of the first, and the upright edges."""
+    """Draw the outline of the last slice, the visible part of the first, and the upright edges."""
     from matplotlib.collections import LineCollection
 
     first = view.project(stack.points[0])[view.pieces]
@@ -287,14 +288,14 @@ def _draw_edges(axes: Axes, stack: Stack, view: View) -> None:
         ends = view.pieces[(view.pieces == node).any(axis=1)]
         along = stack.plane[ends[:, 1]] - stack.plane[ends[:, 0]]
         along /= np.linalg.norm(along, axis=1)[:, None]
-        if along[0] @ along[1] < 0.7:  # cosine from which on two walls meet in an edge
+        if along[0] @ along[1] < 0.7:  # cosine above which two walls meet at an edge
             upright.append(node)
     lines = [view.project(stack.points[:, node]) for node in upright]
     axes.add_collection(LineCollection([*first, *last, *lines], **_EDGE))
 
 
 def _ticks(stack: Stack) -> tuple[Array, float, str]:
-    """Round positions below the meniscus as they are shown, how many of these a metre is, unit."""
+    """Rounded positions below the meniscus as shown, units per metre, and the unit."""
     from matplotlib.ticker import MaxNLocator
 
     metres, usual = (1.0, "m") if stack.position[-1] > 2.0 else (1e3, "mm")
@@ -306,7 +307,7 @@ def _ticks(stack: Stack) -> tuple[Array, float, str]:
 
 
 def _draw_rings(axes: Axes, stack: Stack, view: View) -> None:
-    """The positions of the scale all over the walls: at an edge they lie higher than beside it."""
+    """Draw the scale's positions on the walls: they lie higher at an edge than beside it."""
     from matplotlib.collections import LineCollection
 
     ticks, scale, _ = _ticks(stack)
@@ -317,7 +318,7 @@ def _draw_rings(axes: Axes, stack: Stack, view: View) -> None:
 
 
 def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
-    """Positions below the meniscus, along the left of the picture."""
+    """Draw positions below the meniscus along the left side of the picture."""
     ticks, scale, unit = _ticks(stack)
     drawn = view.project(stack.points)
     column = drawn[:, int(drawn[0, :, 0].argmin())]
@@ -342,7 +343,7 @@ def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
 
 
 def _legend(stack: Stack, steel: Steel | None) -> list[Any]:
-    """Isotherms, what is soft, and how the shape is magnified."""
+    """Isotherms, the non-solid part, and the magnification of the shape."""
     from matplotlib.lines import Line2D
 
     handles: list[Any] = []

@@ -1,4 +1,4 @@
-"""Figures of studies: a search, a fit to measurements, the sensitivities of a run."""
+"""Figures of studies: optimisation, calibration, sensitivities, mould distortion."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ _MOULD_PANELS = {
     ("in contact", "percent"): {"contact_share": ""},
     ("von Mises", "MPa"): {"von_mises_max": "largest", "von_mises_corner": "corner"},
 }
-"""What is drawn of a run's history, in its unit, over the distance from the meniscus."""
+"""Quantities of a run's history that are drawn over the distance from the meniscus, with units."""
 
 
 @look()
 def optimum_figure(optimum: Optimum) -> Figure:
-    """Return a column for each variable, a row for the objective and each constraint."""
+    """Return a figure: a column per variable, a row for the objective and each constraint."""
     objective = optimum.objective
     assert objective is not None
     rows, columns = 1 + len(optimum.constraints), len(optimum.values)
@@ -81,7 +81,7 @@ def _draw_column(
         here.append(shown(one.left))
         there.append([shown(step.left[number]) if step.left else math.nan for step in away])
     for axes, own, others in zip(column, here, there, strict=True):
-        words = "cannot be told from the best"
+        words = "cannot be distinguished from the best"
         axes.axvspan(value.low, value.high, color="0.88", lw=0, label=words)
         axes.axvline(value.value, color="0.5", lw=0.8)
         places = [*(step.value for step in away), value.value]
@@ -99,7 +99,7 @@ def _draw_column(
 
 @look()
 def front_figure(front: Front) -> Figure:
-    """Return the first result over the second, and below each variable over it."""
+    """Return a figure of the first result over the second; below, each variable over the first."""
     rows = 1 + len(front.keys)
     figure = new_figure(1.5 * STYLE.panel[0], 0.5 + 0.8 * STYLE.panel[1] * rows)
     axes: Any = figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
@@ -142,7 +142,7 @@ def indices_figure(spread: Spread, scales: Sequence[Scale] = ()) -> Figure:
 
 @look()
 def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path) -> Figure:
-    """Return a panel for a mould, and one for each group of columns that a run's history has."""
+    """Return a figure with a panel for the mould and one for each group of history columns."""
     history = read_columns(run / HISTORY_NAME)
     panels = {
         label: {name: words for name, words in columns.items() if name in history}
@@ -167,7 +167,7 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
             values = scale(history[name][inside])
             axes.plot(length(position[inside]), values, color=colour, label=words, lw=1.2)
         axes.set_ylabel(f"{label} [{unit_name(scale.unit)}]", fontsize=8)
-        axes.set_ylim(bottom=-0.04 * axes.get_ylim()[1])  # a curve along 0 is seen
+        axes.set_ylim(bottom=-0.04 * axes.get_ylim()[1])  # keeps a curve at 0 visible
     for axes in every:
         if len(axes.get_lines()) > 1:
             axes.legend(fontsize=7, ncols=3, loc="best", frameon=False)
@@ -178,21 +178,21 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """A result where it was measured."""
+    """Measured and computed values of one result."""
 
     name: str  #: of the result
-    label: str  #: what it is
+    label: str  #: description
     unit: str  #: of the values
     position: Array  #: (n,), m
-    measured: Array  #: (n,)
-    error: Array  #: (n,), NaN where none is known
-    before: Array  #: of the case as it was (n,)
-    after: Array  #: as fitted (n,)
+    measured: Array  #: (n,) measured values
+    error: Array  #: (n,) error of measurement, NaN where unknown
+    before: Array  #: (n,) computed, before the fit
+    after: Array  #: (n,) computed, after the fit
 
 
 @look()
 def calibration_figure(results: Sequence[Compared]) -> Figure:
-    """Return a row a result: over the position, and computed over measured values."""
+    """Return a figure with a row per result: over position, and computed over measured values."""
     figure = new_figure(9.6, 1.2 + 2.6 * len(results))
     grid: Any = figure.subplots(len(results), 2, squeeze=False, width_ratios=(1.5, 1.0))
     for (along, against), one in zip(grid, results, strict=True):
@@ -246,14 +246,14 @@ def draw_tornado(found: Sensitivity, path: Path) -> None:
 
 
 def spread_of(row: Row) -> str:
-    """The parameter with what it is moved by."""
+    """The parameter with the amount it is varied by."""
     one = ShownRow.of(row)
     spread = f"\N{PLUS-MINUS SIGN}{one.spread:.3g} {plain_unit(one.spread_unit)}"
     return f"{row.parameter.name} {spread}".rstrip()
 
 
 def _panel(axes: Axes, rows: list[Row]) -> None:
-    """Bars of one result; linear, so that both sides are as long. A sentence if there are none."""
+    """Draw the bars of one result on a linear scale; a sentence if there are none."""
     change_of = [row.change for row in rows]
     said = ""
     if all(one == 0.0 for one in change_of):
@@ -271,10 +271,10 @@ def _panel(axes: Axes, rows: list[Row]) -> None:
     axes.barh(places, change, height=0.62, color=_UP, label="more of it")
     axes.barh(places, -change, height=0.62, color=_DOWN, label="less of it")
     axes.set_yticks(places, [spread_of(row) for row in order], fontsize=7)
-    axes.set_ylim(-0.6, len(order) - 0.4)  # also of those without a bar
+    axes.set_ylim(-0.6, len(order) - 0.4)  # rows without a bar included
     axes.axvline(0.0, color="0.3", lw=0.8)
     quantity = rows[0].quantity
     unit = plain_unit(unit_of_difference(quantity.shown_unit))
     text = f"change of {label_shown(quantity.label)} [{unit}]"
-    axes.set_xlabel(text, fontsize=8, gid=rows[0].name)  # by which its own unit is found
+    axes.set_xlabel(text, fontsize=8, gid=rows[0].name)  # identifies its unit
     axes.legend(fontsize=6.5, loc="lower right", frameon=False)

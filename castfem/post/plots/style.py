@@ -1,4 +1,4 @@
-"""The look all figures share, and what they need to know of a run."""
+"""The style all figures share, and the run data they need."""
 
 from __future__ import annotations
 
@@ -27,45 +27,46 @@ if TYPE_CHECKING:
 
 SOLIDUS_COLOUR = "#1b6ca8"
 LIQUIDUS_COLOUR = "#c0392b"
-# Colour-blind safe (Okabe and Ito); the known probes keep theirs in every figure.
+# Colour-blind safe (Okabe and Ito); the known probes have the same colour in every figure.
 _COLOURS = {"mid_face": "#0072b2", "corner": "#d55e00", "narrow_face": "#009e73"}
 _OTHER_COLOURS = ("#cc79a7", "#56b4e9", "#e69f00", "#7f7f7f", "#000000")
-_DEFECT = "#d55e00"  # the line at a roll that has one
+_DEFECT = "#d55e00"  # the line at a roll with a defect
 
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """Measures that several places of the figures share, inches where nothing else is said."""
+    """Dimensions shared by several figures, in inches unless stated otherwise."""
 
-    dpi: int = 160  #: pixels an inch
-    width: float = 7.2  #: of a figure over the strand's length
-    left: float = 0.8  #: around its panels, as the next three
+    dpi: int = 160  #: pixels per inch
+    width: float = 7.2  #: width of a figure over the strand's length
+    left: float = 0.8  #: margin left of the panels; the next three likewise
     right: float = 0.2
     top: float = 0.52
     bottom: float = 0.48
-    between: float = 0.14  #: from one panel to the next
-    edge: float = 0.04  #: left free beside long numbers
+    between: float = 0.14  #: between two panels
+    edge: float = 0.04  #: margin beside long numbers
     panel: tuple[float, float] = (3.4, 2.3)  #: width and height of a panel of a study
-    label: int = 34  #: characters along the height of one
-    shades: int = 256  #: colours of a scale
-    #: ratio of the sides from which equal axes would leave a mere line of a section
+    label: int = 34  #: characters along the height of a panel
+    shades: int = 256  #: number of colours of a scale
+    #: aspect ratio from which equal axes would reduce a section to a line
     slender: float = 12.0
-    wide: float = 1.6  #: ratio of the sides from which the colour bar lies below
-    moves: float = 0.05  #: share of the section by which its surface may seem to move
+    wide: float = 1.6  #: aspect ratio from which the colour bar is placed below
+    moves: float = 0.05  #: share of the section by which its surface may appear to move
     #: points of a segment of an outline; odd, so that one lies in the middle of a face
     segment: int = 33
-    #: the same where the radius is interpolated: its error is magnified with the rest
+    #: the same where the radius is interpolated, because its error is magnified too
     dense: int = 400
-    slices: int = 4  #: of a stack at least: its colours run straight from each to the next
-    gap: float = 0.01  #: least span of the axis of the gap, mm: what is less is no gap to look at
-    held: float = 1e-6  #: motion of a surface that is held, as that of a strip, mm
-    #: force on a free strand, kN or kN/m: some newtons while slivers of solid freeze
+    slices: int = 4  #: least slices of a stack: colours are linear between them
+    gap: float = 0.01  #: least span of the gap axis, mm
+    held: float = 1e-6  #: motion below which a surface counts as held, as in a strip, mm
+    #: force below which a strand counts as free, kN or kN/m: newtons occur as slivers of solid
+    #: freeze
     force: float = 0.01
     #: length of a roll beyond the edge of the strand in the picture of a caster, m
     roll_end: float = 0.06
-    caster: float = 0.3  #: left free around that picture, m
+    caster: float = 0.3  #: margin of that picture, m
     hot_times: float = 40.0  #: magnification of the distortion of a hot mould
-    outline_times: float = 20.0  #: the same of a calculated outline of a mould
+    outline_times: float = 20.0  #: magnification of a calculated mould outline
 
 
 STYLE = Style()
@@ -73,29 +74,29 @@ STYLE = Style()
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """Room around pictures that are placed by hand, inches."""
+    """Margins of pictures that are placed by hand, inches."""
 
     left: float
     right: float
     above: float
     below: float
-    beside: float = 0.0  #: from one to the next
-    between: float = 0.0  #: from one row to the next, or from a frame to the end of its scale
+    beside: float = 0.0  #: between two pictures
+    between: float = 0.0  #: between two rows, or between a frame and the end of its scale
 
 
 @dataclass(frozen=True, slots=True)
 class Abscissa:
-    """The way of the slice: what the x axis of every history is drawn over."""
+    """The path of the slice: the x axis of every history plot."""
 
     time: NDArray[np.float64]  #: (n,) [s]
     position: NDArray[np.float64]  #: (n,) below the meniscus [m]
-    zones: tuple[Zone, ...] = ()  #: the cooling
-    #: rolls with a defect: position [m], and what is wrong there
+    zones: tuple[Zone, ...] = ()  #: cooling zones
+    #: rolls with a defect: position [m] and description
     defects: tuple[tuple[float, str], ...] = ()
 
     @property
     def along(self) -> bool:
-        """Whether the position serves as axis: it grows."""
+        """Whether the position increases, so that it can serve as axis."""
         return bool(
             len(self.position) > 1
             and np.isfinite(self.position).all()
@@ -115,7 +116,7 @@ class Abscissa:
 
     @property
     def label(self) -> str:
-        """Of the x axis."""
+        """Label of the x axis."""
         if not self.along:
             return "time since the meniscus [s]"
         return f"position below the meniscus [{'m' if self.scale == 1.0 else 'mm'}]"
@@ -129,7 +130,7 @@ def round_factor(most: float) -> float:
 
 @contextmanager
 def look() -> Iterator[None]:
-    """The settings of matplotlib inside the block, none of them the user's."""
+    """Apply matplotlib settings inside the block, ignoring the user's."""
     settings: dict[Any, Any] = {
         "font.size": 9.5,
         "axes.labelsize": 9.5,
@@ -137,7 +138,7 @@ def look() -> Iterator[None]:
         "axes.grid": True,
         "axes.axisbelow": True,
         "axes.linewidth": 0.8,
-        "axes.titley": 1.0,  # where it lies without ticks above, found without measuring them
+        "axes.titley": 1.0,  # position without ticks above, set without measuring them
         "grid.color": "#d9d9d9",
         "grid.linewidth": 0.6,
         "lines.linewidth": 1.7,
@@ -153,19 +154,21 @@ def look() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float, *, layout: Literal["none"] | None = None) -> Figure:
-    """An empty figure (inches) that needs no display; its layout is found unless it is "none"."""
+    """An empty figure (inches) that needs no display; matplotlib's default layout if None."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    options: dict[str, Any] = {} if layout is None else {"layout": layout}  # it lacks a type
+    # missing in the type stubs
+    options: dict[str, Any] = {} if layout is None else {"layout": layout}
     figure = Figure(figsize=(width, height), **options)
     FigureCanvasAgg(figure)
     return figure
 
 
 def head(figure: Figure, title: str, size: float = 11.5) -> None:
-    """Gives a figure a title, in as many lines as its width needs."""
-    width = 72.0 * figure.get_size_inches()[0] / (0.58 * size)  # characters, 0.58 of `size` wide
+    """Give a figure a title, wrapped to its width."""
+    # characters, each 0.58 of `size` wide
+    width = 72.0 * figure.get_size_inches()[0] / (0.58 * size)
     if title:
         figure.suptitle(fill(title, int(width)), fontsize=size)
 
@@ -175,8 +178,8 @@ def new_panels(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of panels above one another with a common x axis.
 
-    Margins are fixed: no layout has to be sought, which takes as long as all the drawing, and the
-    same position lies at the same place in all figures.
+    Margins are fixed: a layout search would take as long as the drawing, and the same position has
+    the same place in all figures.
     """
     between = STYLE.between * (count - 1)
     total = count * height + between + STYLE.top + above + STYLE.bottom + below
@@ -196,26 +199,26 @@ def new_panels(
 
 
 def save(figure: Figure, path: Path, *, shaded: bool = False) -> Path:
-    """Writes a PNG in one step.
+    """Write a PNG in one step.
 
     Args:
-        figure: What to write.
-        path: Of the file.
-        shaded: Colours run smoothly into one another: all are kept. Of anything else there are
-            few, and 256 of them take half the time and a third of the size.
+        figure: Figure to write.
+        path: File to write.
+        shaded: Whether to keep all colours, for smooth shading. Otherwise 256 are kept, which
+            halves the time and reduces the file to a third.
     """
     image = render(figure)
     image = image if shaded else _indexed(image)
     with replacing(path, durable=False) as temporary:
         image.save(
             temporary, format="PNG", dpi=(STYLE.dpi, STYLE.dpi), compress_type=zlib.Z_RLE
-        )  # a third of the time, 5 % larger where colours run smoothly
+        )  # a third of the time, 5 % larger for smooth shading
     return path
 
 
 @look()
 def render(figure: Figure) -> Image.Image:
-    """Draws a figure once; `savefig` does it twice where a layout has to be found first."""
+    """Draw a figure once; `savefig` draws it twice if a layout must be found first."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -255,18 +258,19 @@ def _widen(figure: Figure, renderer: RendererAgg) -> bool:
 
 
 def _indexed(image: Image.Image) -> Image.Image:
-    """An image in 256 colours at most."""
+    """An image with 256 colours at most."""
     from PIL import Image
 
     found = image.quantize(method=Image.Quantize.FASTOCTREE)
     colours = np.array(found.getpalette(), dtype=np.uint8)
-    colours[(colours.reshape(-1, 3) > 250).all(axis=1).repeat(3)] = 255  # brighter is paper
+    # brighter pixels are background
+    colours[(colours.reshape(-1, 3) > 250).all(axis=1).repeat(3)] = 255
     found.putpalette(colours.tobytes())
     return found
 
 
 def probe_colours(probes: list[str]) -> dict[str, str]:
-    """One colour a probe."""
+    """One colour per probe."""
     own = {probe: _COLOURS.get(probe.removesuffix("_intrados")) for probe in probes}
     others = [probe for probe, colour in own.items() if colour is None]
     spare = {probe: _OTHER_COLOURS[i % len(_OTHER_COLOURS)] for i, probe in enumerate(others)}
@@ -274,7 +278,7 @@ def probe_colours(probes: list[str]) -> dict[str, str]:
 
 
 def dress(axes: list[Axes], abscissa: Abscissa) -> None:
-    """Gives panels above one another their common x axis: position, time on top, the zones."""
+    """Give stacked panels their common x axis: position, time on top, the zones."""
     low, high = float(abscissa.values[0]), float(abscissa.values[-1])
     if low == high:
         low, high = low - 0.5, high + 0.5
@@ -293,7 +297,7 @@ def dress(axes: list[Axes], abscissa: Abscissa) -> None:
 
 
 def _mark_defects(axes: list[Axes], abscissa: Abscissa) -> None:
-    """A line in all panels at rolls with a defect, named in the last."""
+    """Draw a line in all panels at rolls with a defect, labelled in the last."""
     low, high = axes[0].get_xlim()
     for position, name in abscissa.defects:
         place = position * abscissa.scale
@@ -315,7 +319,7 @@ def _is_steady(abscissa: Abscissa) -> bool:
 
 
 def _apart(abscissa: Abscissa, to_position: Callable[[Any], Any]) -> list[float]:
-    """Round times that stand 6 % of the axis apart: many lie where the strand stands."""
+    """Rounded times at least 6 % of the axis apart: many coincide where the strand stands still."""
     from matplotlib.ticker import MaxNLocator
 
     ends = float(abscissa.time[0]), float(abscissa.time[-1])
@@ -329,7 +333,7 @@ def _apart(abscissa: Abscissa, to_position: Callable[[Any], Any]) -> list[float]
 
 
 def _clocks(abscissa: Abscissa) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    """Time as a function of the abscissa and back, straight beyond the ends."""
+    """Time as a function of the abscissa and its inverse, linear beyond the ends."""
     steps = np.concatenate([[True], np.diff(abscissa.values) > 0])
     x, t = abscissa.values[steps], abscissa.time[steps]
     before, after = (t[1] - t[0]) / (x[1] - x[0]), (t[-1] - t[-2]) / (x[-1] - x[-2])
@@ -340,7 +344,7 @@ def _clocks(abscissa: Abscissa) -> tuple[Callable[[Any], Any], Callable[[Any], A
 
 
 def _draw_zones(axes: list[Axes], abscissa: Abscissa) -> float:
-    """Names the cooling zones in a strip above the first panel and parts them in all panels.
+    """Name the cooling zones in a strip above the first panel and separate them in all panels.
 
     Returns:
         Height of the strip as a fraction of the panel, 0 without one.
@@ -355,7 +359,7 @@ def _draw_zones(axes: list[Axes], abscissa: Abscissa) -> float:
         return 0.0
     figure = axes[0].figure.get_figure(root=True)
     width, height = figure.get_size_inches()
-    scale = axes[0].get_position().width * width / (high - low)  # inches a unit of the abscissa
+    scale = axes[0].get_position().width * width / (high - low)  # inches per unit of the abscissa
     names = [_fitting(name, (right - left) * scale) for left, right, name in zones]
     lines = max(name.count("\n") + 1 for name, _ in names)
     inches = 0.08 + 0.115 * lines
@@ -383,7 +387,7 @@ def _draw_zones(axes: list[Axes], abscissa: Abscissa) -> float:
 
 
 def _fitting(name: str, inches: float) -> tuple[str, float]:
-    """A name as it fits into a width, and its size: whole, a word a line, smaller, or empty."""
+    """A name fitted to a width, and its font size: whole, one word per line, smaller, or empty."""
     words = name.replace("_", " ").split()
     for size in (7.0, 5.8):
         room = inches / (0.0085 * size)  # characters

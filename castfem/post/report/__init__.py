@@ -1,1 +1,1 @@
-"""What is shown of a run: headline, remarks, hot spots, errors."""
+"""What `castfem show` and the reports say about a run: headline, remarks, hot spots, errors."""

@@ -1,4 +1,4 @@
-"""What is said of a caster: its pool, after which event, and pieces with little ductility."""
+"""Report of a caster: liquid core, events, and pieces with low ductility."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _POOL, _SURFACE = "metallurgical_length", "surface_temperature_"
 
 
 def answers(folder: Path, case: Case) -> list[str]:
-    """Return what a caster's files tell, a line each.
+    """Return the findings from a caster's files, one line each.
 
     Args:
-        folder: Of the run.
-        case: That it is of.
+        folder: Folder of the run.
+        case: Case of the run.
     """
     assert case.caster is not None
     numbers, _, _ = read_table(folder / CASTER_NAME)
@@ -53,7 +53,7 @@ def _clock(time: float) -> str:
 
 
 def _after(time: float, events: Sequence[tuple[float, str]]) -> str:
-    """The last event before a time, in words; nothing where there is none."""
+    """The last event before a time, in words; empty if there is none."""
     before = [one for one in events if one[0] <= time]
     return f", {_clock(time - before[-1][0])} after: {before[-1][1]}" if before else ""
 
@@ -98,15 +98,15 @@ def _pool(
 def pieces_in_band(
     strand: dict[str, Array], case: Case, events: Sequence[tuple[float, str]]
 ) -> Iterator[str]:
-    """Yield which pieces have little ductility at the surface while they are straightened.
+    """Yield which pieces have low ductility at the surface while they are straightened.
 
-    Pieces count from what leaves the meniscus at the first row of the plant; before it they have
-    numbers from 0 down.
+    Pieces are counted from the steel at the meniscus at the plant's first row; earlier steel has
+    numbers from 0 downwards.
 
     Args:
         strand: Columns of strand.csv.
-        case: Of the caster; without the key `cut` there are no pieces.
-        events: Time by the clock, s, and words.
+        case: Case of the caster; without the key `cut` there are no pieces.
+        events: Clock time, s, and description.
     """
     caster, rolls = case.caster, None if case.machine is None else case.machine.pairs()
     if caster is None or caster.cut is None or rolls is None:
@@ -147,7 +147,7 @@ def pieces_in_band(
 
 
 def _runs(numbers: Sequence[int]) -> str:
-    """Numbers of pieces, those that follow one another as a range."""
+    """Numbers of pieces, consecutive ones as a range."""
     found: list[list[int]] = []
     for number in numbers:
         if found and number == found[-1][1] + 1:
@@ -159,7 +159,7 @@ def _runs(numbers: Sequence[int]) -> str:
 
 
 def _leaving(slices: dict[str, Array]) -> Iterator[str]:
-    """Yield the range of the surface temperature with which slices leave the machine."""
+    """Yield the range of surface temperatures at which slices leave the machine."""
     name = next((name for name in slices if name.startswith("surface_temperature_")), "")
     if not name or len(slices["left"]) < 2:
         return

@@ -1,4 +1,4 @@
-"""What a reader of a run must know before he uses its numbers: what is not right, or left out."""
+"""Cautions about a run's numbers: what is inaccurate or not modelled."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
 
 
 def cautions(folder: Path, summary: Summary) -> list[str]:
-    """Return what to say of a run, a line each; nothing of most."""
+    """Return the cautions about a run, one line each; none for most runs."""
     return _of_run(folder, summary, _history(folder))
 
 
@@ -61,10 +61,10 @@ def _of_run(folder: Path, summary: Summary, table: Columns | None) -> list[str]:
 
 
 def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str]:
-    """Return what to say of runs below their table, by label; once where it is the same of several.
+    """Return the cautions about the runs in a table, by label; shared ones appear once.
 
-    Besides `cautions`, that a shell melted again, that contact flickers, or that coupling windows
-    did not converge: a single run has these among the things to look at.
+    Besides `cautions`, these cover a shell that melted again, flickering contact, and coupling
+    windows that did not converge; for a single run those are among the remarks.
     """
     found: dict[str, list[str]] = {}
     for label, (folder, summary) in runs.items():
@@ -79,7 +79,7 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
     ]
     most = 10
     if len(lines) > most:
-        more = f"and {len(lines) - most} more of this kind"
+        more = f"and {len(lines) - most} further ones"
         lines[most:] = [f"{more}; castfem show FOLDER has those of one run"]
     return lines
 
@@ -89,7 +89,7 @@ def _line(one: Remark) -> str:
 
 
 def _history(folder: Path) -> Columns | None:
-    """The history of a run; None of one that has none, or no row with a position."""
+    """The history of a run; None without one or without a row with a position."""
     try:
         table = read_columns(folder / HISTORY_NAME)
     except InputError:
@@ -98,13 +98,13 @@ def _history(folder: Path) -> Columns | None:
 
 
 def _unsteady(table: Columns | None, summary: Summary | None) -> list[Remark]:
-    """What a run says of a shell that melted again and of windows; none without a history."""
+    """Remarks on a shell that melted again and on coupling windows; none without a history."""
     found = [] if table is None else remarks(table, summary)
     return [one for one in found if one.what in (REMELTED, NOT_CONVERGED)]
 
 
 def _flickering(table: Columns | None) -> Iterator[str]:
-    """Places that lose contact again and again; none without a history."""
+    """Places that lose contact repeatedly; none without a history."""
     if table is None:
         return
     position = np.asarray(table["position"])
@@ -115,7 +115,7 @@ def _flickering(table: Columns | None) -> Iterator[str]:
 
 
 def _off_the_mould(folder: Path, table: Columns | None) -> Iterator[str]:
-    """Where nothing touches the mould, and by how much places then differ that should be alike."""
+    """Positions where nothing touches the mould, and how much equivalent places then differ."""
     if table is None:
         return
     position = np.asarray(table["position"])
@@ -130,11 +130,11 @@ def _off_the_mould(folder: Path, table: Columns | None) -> Iterator[str]:
 
 
 def lost_all_round(share: Array, position: Array) -> str:
-    """Say where no point of the surface touches the mould; "" where one always does.
+    """Return a caution where no point of the surface touches the mould; "" if one always does.
 
     Args:
-        share: (n,) of the surface that touches, %; NaN where there is no mould.
-        position: (n,) of the slice, m.
+        share: (n,) share of the surface in contact, %; NaN where there is no mould.
+        position: (n,) position of the slice, m.
     """
     found: list[Spell] = []
     start: float | None = None
@@ -159,9 +159,9 @@ def lost_all_round(share: Array, position: Array) -> str:
 
 
 def equal_places(case: Case, places: Iterable[str]) -> list[list[str]]:
-    """Return which places of a strand in its mould are the same by symmetry, two or more each.
+    """Return the places of a strand in its mould that are equivalent by symmetry, in groups.
 
-    None where section, mould or cooling make a difference; of a strand in a machine none are named.
+    None are equivalent where section, mould or cooling make a difference, or in a machine.
     """
     section, mould, mechanics = case.section, case.mould, case.mechanics
     if mould is None or mechanics is None or case.machine or case.secondary or mechanics.held:
@@ -190,13 +190,13 @@ def equal_places(case: Case, places: Iterable[str]) -> list[list[str]]:
 def _unequal(
     table: Columns, position: Array, places: list[str], surface: tuple[float, float]
 ) -> str:
-    """Say by how much places differ that are the same by symmetry; "" where they hardly do.
+    """Return by how much equivalent places differ; "" if they hardly differ.
 
     Args:
         table: The history.
-        position: (n,) of its rows, m.
+        position: (n,) position of its rows, m.
         places: Probes.
-        surface: By how much temperatures of the whole surface differ most, K, and where, m.
+        surface: Largest temperature difference over the whole surface, K, and its position, m.
     """
     apart = {}
     for prefix in ("surface_temperature", "gap"):
@@ -221,7 +221,7 @@ def _unequal(
 
 
 def _of_whole_surface(folder: Path) -> tuple[float, float]:
-    """By how much temperatures of the surface differ most in the fields, K, and where, m."""
+    """Largest difference of equivalent surface temperatures in the fields, K, and where, m."""
     try:
         with Fields(folder) as fields:
             if "temperature" not in fields.names or "symmetry" not in fields.attributes:
@@ -237,9 +237,9 @@ def _of_whole_surface(folder: Path) -> tuple[float, float]:
 
 
 def less_than_asked(summary: Summary) -> str:
-    """Say that gaps keep a mould from taking the heat that its flux asks for; "" where they do not.
+    """Return a caution if gaps reduce the heat taken below the requested flux; "" otherwise.
 
-    Heat per length of strand turns into that of the mould by the mean casting speed.
+    Heat per length of strand is converted to that of the mould by the mean casting speed.
     """
     names = ("mould_heat_removed", "mould_heat_asked", "heat_removed", "cooling_power")
     removed, asked, passed, power = (
@@ -259,13 +259,13 @@ def less_than_asked(summary: Summary) -> str:
         )
     return (
         f"the mould took {took}, {share:.1f} % less than the {wanted} that its flux asks for "
-        "without gaps. A heat that was measured at a mould has its gaps in it already: raise power "
+        "without gaps. A heat measured at a mould already includes its gaps: raise power "
         "or water_rise, or the taper, until the run takes what was measured"
     )
 
 
 def _even(folder: Path) -> str:
-    """Say that a flux cools the corner as much as the faces; "" of a run without."""
+    """Return a caution that a flux cools the corner as much as the faces; "" without one."""
     case = case_with(folder, "flux")
     if case is None:
         return ""
@@ -282,13 +282,13 @@ def _even(folder: Path) -> str:
 
 
 def radiated() -> float:
-    """What radiates across a gap from a surface of 1200 degC to a mould, W/(m2 K)."""
+    """Radiation across a gap from a surface at 1200 degC to a mould, W/(m2 K)."""
     flux = Radiation(0.8, ambient=WALL).flux(np.array([SURFACE]), 0.0)[0]
     return float(flux[0]) / (SURFACE - WALL)
 
 
 def wide_gap(folder: Path, summary: Summary) -> str:
-    """What to say of a run whose largest gap conducts less than would radiate; "" of any other."""
+    """Return a caution if the largest gap conducts less than radiation would; "" otherwise."""
     widest = summary.quantities.get("mould_gap_max")
     if widest is None or not widest.value > 0.0:
         return ""

@@ -1,4 +1,4 @@
-"""What a run comes to, in a few sentences: shell, end of the pool, unbending, the worst place."""
+"""Main results of a run in a few sentences: shell, solidification end, unbending, worst place."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _REMARKS = (REMELTED, "largest gap on the way", "largest bulge between rolls")
 def conclusions(
     folder: Path, summary: Summary, base: tuple[str, Path, Summary] | None = None
 ) -> list[tuple[str, str]]:
-    """Return what a run comes to: of what, and the sentence."""
+    """Return the main results of a run: subject and sentence."""
     remarks = {one.what: one for one in remarks_of(folder, summary)}
     found = [*_shell(summary, remarks.get(THINNEST)), *_pool(summary), *_unbending(folder)]
     found += list(_worst(folder, summary, base))
@@ -37,7 +37,7 @@ def _remark(one: Remark) -> str:
 
 
 def _shell(summary: Summary, anywhere: Remark | None) -> Iterator[tuple[str, str]]:
-    """The thinnest shell where the mould ends: that of the whole surface where it is thinner."""
+    """The thinnest shell at the mould exit, over the whole surface if it is thinner there."""
     least = summary.quantities.get("shell_least")
     if least is None or not math.isfinite(least.value):
         return
@@ -48,7 +48,7 @@ def _shell(summary: Summary, anywhere: Remark | None) -> Iterator[tuple[str, str
 
 
 def _pool(summary: Summary) -> Iterator[tuple[str, str]]:
-    """Where all is solid, or how far the run came without that."""
+    """Where all is solid, or how far the run came without complete solidification."""
     length, end = (summary.quantities.get(n) for n in ("metallurgical_length", "position"))
     if length is not None and math.isfinite(length.value):
         yield length.label, " ".join(cells("metallurgical_length", length))
@@ -97,7 +97,7 @@ def _unbending(folder: Path) -> Iterator[tuple[str, str]]:
 def _worst(
     folder: Path, summary: Summary, base: tuple[str, Path, Summary] | None
 ) -> Iterator[tuple[str, str]]:
-    """The worst places of the crack indexes, beside those of the base."""
+    """The worst places of the crack indexes, compared with the base."""
     found = crack_places(folder, summary)
     if found is None:
         return
@@ -105,7 +105,7 @@ def _worst(
     for name, value, _, where in found.ranking:
         if name not in ("I1", "I2"):
             continue
-        ratio = "no limit is known of it: compare with the run of the machine in order"
+        ratio = "no limit is known: compare with a run of the intact machine"
         if base is not None and theirs is not None:
             ratio = _ratio(found, theirs, name, base[0])
         yield f"worst place by {name}", f"{where}: {value}; {ratio}"
@@ -114,7 +114,7 @@ def _worst(
 
 
 def _ratio(found: CrackPlaces, theirs: CrackPlaces, name: str, label: str) -> str:
-    """How many times the largest value of an index is that of the base."""
+    """Ratio of the largest value of an index to that of the base."""
     mine, other = found.largest.get(name, 0.0), theirs.largest.get(name, 0.0)
     if not other > 0.0:
         return f"nowhere above 0 in {label}"

@@ -1,4 +1,4 @@
-"""Where the strand may crack: worst places, what reheats, heaviest roll, end of the pool."""
+"""Crack risk along the strand: worst places, reheating, largest roll load, solidification end."""
 
 from __future__ import annotations
 
@@ -23,56 +23,57 @@ from castfem.runs.results.run_case import case_with
 
 @dataclass(frozen=True, slots=True)
 class CrackLimits:
-    """Which places of the maps are named."""
+    """Which places of the maps are reported."""
 
-    little: float = 0.05  #: least share of the largest value that a place has
-    #: relative difference of values that are one: the maps have single precision
+    little: float = 0.05  #: least share of the largest value
+    #: relative difference of values that count as equal: the maps have single precision
     equal: float = 1e-6
-    along: float = 0.5  #: distance of places that are one where no rolls are known, m
-    ranks: int = 4  #: worst places of an index
-    warmed: float = 5.0  #: least rise of temperature that is a reheat, K
-    share: float = 1e-3  #: least of what is told in per cent, %
-    small: float = 1e-2  #: rate from which on a number is printed without its power of ten, 1/s
+    along: float = 0.5  #: distance below which places count as one if no rolls are known, m
+    ranks: int = 4  #: number of worst places per index
+    warmed: float = 5.0  #: least temperature rise that counts as reheating, K
+    share: float = 1e-3  #: least percentage reported, %
+    small: float = 1e-2  #: rate from which a number is printed without an exponent, 1/s
 
 
 LIMITS = CrackLimits()
 Ranked = tuple[str, str, str, str]
-"""Index, value with unit, how far below the worst, and where."""
+"""Index, value with unit, how far below the worst, and place."""
 _NOT_RANKED = ("temperature", "band_time")
-_COMPARED = ("I1", "I2")  # the other indexes are kin of I2, and worst where it is
+# the other indexes are related to I2 and have their worst value at the same place
+_COMPARED = ("I1", "I2")
 
 
 @dataclass(frozen=True, slots=True)
 class Maximum:
-    """The largest value of an index on one face, within one stretch of a phase."""
+    """The largest value of an index on one face within one stretch of a phase."""
 
     value: float  #: in SI
-    row: int  #: of the maps
+    row: int  #: row of the maps
     vertex: int
-    phase: str  #: bending, straightening ..
-    face: str  #: intrados, extrados ..
+    phase: str  #: bending, straightening, ...
+    face: str  #: intrados, extrados, ...
 
 
 @dataclass(frozen=True, slots=True)
 class Reheat:
-    """The largest rise of temperature of a place of the surface on its way down."""
+    """The largest temperature rise of a place of the surface on its way down."""
 
     rise: float  #: K
-    vertex: int  #: of the maps
+    vertex: int  #: vertex of the maps
     coldest: int  #: rows between which it rose
     warmest: int
 
 
 @dataclass(frozen=True)
 class CrackReport:
-    """What the maps of a run say."""
+    """Evaluation of the maps of a run."""
 
     maps: SurfaceMaps  #: the maps
     stations: Stations  #: its rolls
 
     @classmethod
     def of(cls, maps: SurfaceMaps) -> CrackReport:
-        """The report on maps, with the rolls they know."""
+        """Make the report from maps, with the rolls they contain."""
         return cls(maps, Stations.of_columns(**maps.heading.caster()))
 
     def indexes(self) -> tuple[str, ...]:
@@ -81,15 +82,15 @@ class CrackReport:
 
     @cached_property
     def phases(self) -> list[str]:
-        """What is done to the strand at each row."""
+        """Treatment of the strand at each row (bending, straightening, ...)."""
         return [self.stations.phase(float(position)) for position in self.maps.position]
 
     def maxima(self, name: str) -> list[Maximum]:
-        """The worst of each face within each stretch of a phase, the largest first.
+        """The largest value of each face within each stretch of a phase, in descending order.
 
-        None where it is zero. A roll that is off bends and straightens as well, by itself: its
-        stretches are not those of the bender and the straightener. What lies beside a worse place
-        of another face or stretch is left out: it is the same place.
+        Zero values are omitted. A misaligned roll also bends and straightens: its stretches are
+        separate from those of bender and straightener. A place beside a worse one on another face
+        or stretch is omitted, as it is the same place.
         """
         values, line = self.maps[name], self.maps.heading.line
         phases = np.array(self.phases)
@@ -115,7 +116,7 @@ class CrackReport:
     def _beside(self, one: Maximum, other: Maximum) -> bool:
         """Whether two places count as one: less than two pitches and half a thickness apart.
 
-        A value that a vertex keeps from an earlier row counts as the same place, too.
+        A value that a vertex keeps from an earlier row also counts as the same place.
         """
         if one.vertex == other.vertex and one.value == other.value:
             return True
@@ -126,7 +127,7 @@ class CrackReport:
         return along < pitches and around < 0.5 * (self.stations.thickness or LIMITS.along)
 
     def reheat(self, start: float = 0.0) -> Reheat | None:
-        """The largest reheat below a position (m); None where nothing warms up by 5 K."""
+        """The largest reheating below a position (m); None where nothing warms up by 5 K."""
         rows = np.flatnonzero(self.maps.position >= start)
         if not rows.size:
             return None
@@ -139,13 +140,13 @@ class CrackReport:
         return Reheat(float(rise[end, vertex]), vertex, int(rows[begin]), int(rows[end]))
 
     def words(self, one: Maximum) -> str:
-        """Where a maximum is: place, position, roll and phase."""
+        """Place, position, roll and phase of a maximum, in words."""
         place = self.maps.heading.line.words(one.vertex)
         when, where = (float(v[one.row]) for v in (self.maps.time, self.maps.position))
         return f"{place}, {self.stations.words(where, when)}"
 
     def reheats(self) -> Iterator[tuple[str, str]]:
-        """What warms up most on the whole way and below the mould's first roll, and where."""
+        """The largest reheating on the whole way and below the mould's first roll, with places."""
         places, line = self.maps.position, self.maps.heading.line
         seen = None
         first = None if self.stations.rolls is None else self.stations.rolls.pairs[0].position
@@ -158,7 +159,7 @@ class CrackReport:
             yield f"{name}, {found.rise:.0f} K", f"{line.words(found.vertex)}, {way}"
 
     def ranking(self) -> Iterator[Ranked]:
-        """Index, value with unit, how far below the worst, and where: the worst first."""
+        """Index, value with unit, how far below the worst, and place, in descending order."""
         for one in self.maps.heading.maps:
             ranked = self.maxima(one.name)[: LIMITS.ranks] if one.name in self.indexes() else []
             places = [(found.value, self.words(found)) for found in ranked]
@@ -166,7 +167,7 @@ class CrackReport:
 
 
 def _ranked(one: SurfaceMap, places: Sequence[tuple[float, str]]) -> Iterator[Ranked]:
-    """Rows of a ranking from the values (SI) of an index and where they are, the worst first."""
+    """Ranked rows from the values (SI) of an index and their places, in descending order."""
     if one.shown == "percent" and places and from_si(places[0][0], one.shown) < LIMITS.share:
         return
     for rank, (value, where) in enumerate(places):
@@ -179,9 +180,9 @@ def _ranked(one: SurfaceMap, places: Sequence[tuple[float, str]]) -> Iterator[Ra
 
 
 def depth_ranking(maps: SurfaceMaps) -> Iterator[Ranked]:
-    """As `CrackReport.ranking`, of what has a map over the depth: the worst of each line.
+    """Like `CrackReport.ranking`, for maps over the depth: the worst value of each line.
 
-    Where it is: the line, the depth, and where the slice was as that place came to its value.
+    The place is the line, the depth, and the slice's position when the value was reached.
     """
     line, stations = maps.heading.line, Stations.of_columns(**maps.heading.caster())
     for one in maps.heading.maps[1:]:
@@ -199,10 +200,10 @@ def depth_ranking(maps: SurfaceMaps) -> Iterator[Ranked]:
 
 
 def _peak(values: Array, places: Array) -> tuple[int, int]:
-    """Row and column of the largest of values (rows, places), which are not negative.
+    """Row and column of the largest of non-negative values (rows, places).
 
-    Of equal ones, as on a face that is strained alike all over, it is the earliest and there the
-    place (x, y) of largest x, then y, which the summary names, too.
+    Of equal values, as on a uniformly strained face, the earliest is taken, then the place (x, y)
+    of largest x, then y, as in the summary.
     """
     equal = values >= (1.0 - LIMITS.equal) * values.max()
     row = int(np.argmax(equal.any(axis=1)))
@@ -212,7 +213,7 @@ def _peak(values: Array, places: Array) -> tuple[int, int]:
 
 
 def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
-    """How much is solid on the centre line where, and where soft reduction belongs."""
+    """Solid fraction on the centre line with positions, and where soft reduction belongs."""
     for name, quantity in summary.quantities.items():
         if name.startswith("pool_end_fs"):
             where = stations.words(quantity.value) if quantity.value > 0.0 else "at the meniscus"
@@ -235,14 +236,14 @@ def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class CrackPlaces:
-    """What the maps of a run's surface say."""
+    """Evaluation of the maps of a run's surface."""
 
-    #: index, value with unit, how far below the worst, and where: the worst first
+    #: index, value with unit, how far below the worst, and place, in descending order
     ranking: Sequence[Ranked]
-    nowhere: str  #: in its place, why there is none; empty otherwise
-    #: the roll that carries most, what reheats, where the pool ends: what, and where
+    nowhere: str  #: why there is no ranking; empty otherwise
+    #: subject and place of the largest roll load, reheating and the end of the liquid core
     others: Sequence[tuple[str, str]]
-    title: str  #: of these others
+    title: str  #: title of `others`
     largest: Mapping[str, float] = field(default_factory=dict)  #: largest value of each index, SI
 
     @property
@@ -254,7 +255,7 @@ class CrackPlaces:
 
 
 def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
-    """What the maps of a run say; None without maps."""
+    """Evaluate the maps of a run; None without maps."""
     if not SurfaceMaps.exist(folder):
         return None
     report = CrackReport.of(SurfaceMaps(folder))
@@ -277,7 +278,7 @@ def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
 
 
 def defects_of(folder: Path) -> str:
-    """What is wrong with the machine of a run's case, in words; "" for nothing."""
+    """Defects of the machine of a run's case, in words; "" without any."""
     case = case_with(folder, "defect")
     found = None if case is None or case.machine is None else case.machine.defect
     return "; ".join(str(one).rstrip(",") for one in found or ())

@@ -1,4 +1,4 @@
-"""Hot spots of the surface, from the fields: where it is hot, and where its shell is thin."""
+"""Hot spots of the surface from the fields: highest temperatures and thinnest shell."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from castfem.post.plots.shape import Outline
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import triangulate
 
-_SAME = 1e-3  # relative; what differs by less is equal
+_SAME = 1e-3  # relative; smaller differences count as equal
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +25,14 @@ class HotSpot:
 
 
 def hottest(fields: Fields, index: int) -> HotSpot:
-    """The highest temperature [K] of the surface; `index` of the time as in a list."""
+    """The highest temperature [K] of the surface; `index` selects the time, as in a list."""
     nodes = np.unique(Outline.of(fields).surface)
     kelvin = fields.values("temperature", index)[nodes]
     return _hot_spot(fields, nodes, kelvin, kelvin >= kelvin.max() - _SAME * np.ptp(kelvin))
 
 
 def thinnest(fields: Fields, solidus: float, index: int) -> HotSpot | None:
-    """The shortest way [m] from the surface to the solidus; None where there is none.
+    """The shortest distance [m] from the surface to the solidus; None where there is none.
 
     A piece of the surface above the solidus has no shell: 0.
     """
@@ -53,14 +53,14 @@ def thinnest(fields: Fields, solidus: float, index: int) -> HotSpot | None:
 def _hot_spot(
     fields: Fields, nodes: NDArray[np.intp], values: Array, best: NDArray[np.bool_]
 ) -> HotSpot:
-    """Of the best nodes, as symmetry makes several, the highest."""
+    """The highest of the best nodes; symmetry makes several."""
     place = fields.points[nodes, :2]
     number = max(np.flatnonzero(best), key=lambda i: (place[i, 1], place[i, 0]))
     return HotSpot(float(values[number]), float(place[number, 0]), float(place[number, 1]))
 
 
 def _isotherm(fields: Fields, kelvin: Array, level: float) -> Array:
-    """The pieces (s, 2, 2) of an isotherm [m], straight in each triangle of the mesh."""
+    """Segments (s, 2, 2) of an isotherm [m], straight in each triangle of the mesh."""
     plane, triangles, parents = triangulate(fields.points, fields.cells, fields.cell, fields.order)
     above = kelvin[parents].mean(axis=1) - level
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]]
@@ -74,7 +74,7 @@ def _isotherm(fields: Fields, kelvin: Array, level: float) -> Array:
 
 
 def _distance(points: Array, pieces: Array) -> Array:
-    """Shortest distance (n,) of points (n, 2) to straight pieces (s, 2, 2)."""
+    """Shortest distance (n,) of points (n, 2) from segments (s, 2, 2)."""
     start, along = pieces[:, 0], pieces[:, 1] - pieces[:, 0]
     square = np.maximum(np.einsum("ij,ij->i", along, along), 1e-300)
     reach = points[:, None, :] - start

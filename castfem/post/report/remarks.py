@@ -1,7 +1,7 @@
-"""What to look at in a run: where the shell is thin, hot, stressed, or off the mould.
+"""Remarks on a run: where the shell is thin, hot, stressed, or out of contact with the mould.
 
-It is read off the columns of history.csv, with the mould's exit from the summary, and
-off the fields where the surface is worse off than at the probes; what a run has not is left out.
+They are computed from history.csv, with the mould exit from the summary, and from the fields where
+the surface is worse than at the probes; missing data are skipped.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 
 @dataclass(frozen=True, slots=True)
 class RemarkLimits:
-    """From which size on something is remarked on."""
+    """Thresholds from which something is remarked on."""
 
-    thinner: float = 0.03  #: what the shell lacks beside the probes, over that at them
-    hotter: float = 3.0  #: what the surface is hotter by beside the probes, K
-    coarse: float = 0.2  #: what the shell is off by for its cells, mm
+    thinner: float = 0.03  #: shell missing beside the probes, relative to that at them
+    hotter: float = 3.0  #: excess surface temperature beside the probes, K
+    coarse: float = 0.2  #: error of the shell due to its cells, mm
     more: float = 1.0  #: share of the surface that touches again after the least contact, %
-    bulged: float = 0.01  #: motion of a face, over the size of the section
-    melted: float = 0.1  #: shell that is lost on the way, mm
-    shrunk: float = 0.02  #: what a section that is solid to its middle shrinks by, over its depth
-    reheated: float = 5.0  #: rise of the surface's temperature, K
-    flickers: int = 3  #: losses of contact at one probe: taper and shrinkage lose it once or twice
-    alike: float = 5.0  #: difference of surfaces that are the same by symmetry, K
-    missed: float = 0.03  #: heat that gaps keep from the mould, over the heat that is asked for
+    bulged: float = 0.01  #: motion of a face relative to the size of the section
+    melted: float = 0.1  #: shell that melts again, mm
+    shrunk: float = 0.02  #: shrinkage of a completely solid section relative to its depth
+    reheated: float = 5.0  #: rise of the surface temperature, K
+    flickers: int = 3  #: losses of contact at one probe: taper and shrinkage cause one or two
+    alike: float = 5.0  #: temperature difference of equivalent surfaces, K
+    missed: float = 0.03  #: heat that gaps keep from the mould, relative to the requested heat
 
 
 LIMITS = RemarkLimits()
@@ -55,33 +55,33 @@ NO_SHELL = "no shell there"
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """One line: what, how much, and where."""
+    """One line: quantity, value and place."""
 
-    what: str  #: of which quantity
+    what: str  #: quantity
     value: float  #: in `unit`
     unit: str  #: as in history.csv
-    where: str  #: place and position, for a reader
-    name: str = ""  #: of the column, where its unit may be chosen by it
-    #: how exactly the cells resolve it, in `unit`; None where that is not known
+    where: str  #: place and position, in words
+    name: str = ""  #: column, where it determines the shown unit
+    #: resolution by the cells, in `unit`; None if unknown
     resolution: float | None = None
 
 
 def in_mm(position: float) -> str:
-    """A position below the meniscus."""
+    """A position below the meniscus, in words."""
     return place_said(position, near=".0f", far=".2f")
 
 
 def at_place(position: float, table: Columns) -> str:
-    """A position and the time when the slice is there."""
+    """A position, and the time when the slice is there."""
     time = float(np.interp(position, table["position"], table["time"]))
     digits = ".3g" if time < 1e3 else ".0f"  # 1100 s, not 1.1e+03 s
     return f"{in_mm(position)}, t = {said(time, 's', digits, 'time')}"
 
 
 def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
-    """What is worth a look in the run in a folder, with its fields if it has written some.
+    """Remarks on the run in a folder, including its fields if written.
 
-    Nothing without a history or with a damaged one, which is reported where figures are drawn.
+    None without a history or with a damaged one, which is reported where figures are drawn.
     """
     try:
         table, loads = read_columns(folder / HISTORY_NAME), RollLoads.of(folder)
@@ -95,7 +95,7 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
 
 
 def remarks(table: Columns, summary: Summary | None, fields: Fields | None = None) -> list[Remark]:
-    """What is worth a look in a run."""
+    """Remarks on a run."""
     if len(table) < 2 or not has_values(table, "position"):
         return []
     position = np.asarray(table["position"])
@@ -150,7 +150,7 @@ def _contact(table: Columns, position: Array) -> Iterator[Remark]:
 
 
 def contact_share(table: Columns) -> Array:
-    """Share of the surface that touches the mould, %; NaN below it and in a run without."""
+    """Share of the surface that touches the mould, %; NaN below it and in a run without one."""
     if not has_values(table, "contact_share"):
         return np.full(len(table), np.nan)
     scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
@@ -158,7 +158,7 @@ def contact_share(table: Columns) -> Array:
 
 
 def _share(table: Columns, position: Array) -> Iterator[Remark]:
-    """The least part of the surface that touches, unless all of it always does."""
+    """The least contact share, unless the whole surface is always in contact."""
     share = contact_share(table)
     if np.isnan(share).all():
         return
@@ -171,7 +171,7 @@ def _share(table: Columns, position: Array) -> Iterator[Remark]:
 
 
 def _stairs(table: Columns, position: Array) -> Iterator[Remark]:
-    """The shell where its cells resolve it worst, if one would see it."""
+    """The shell where its cells resolve it worst, if that is visible."""
     worst: tuple[float, str, int, str] | None = None
     for label, _, column in curves(table, "shell"):
         name = column.replace("shell_", "solidus_cell_", 1)
@@ -193,7 +193,7 @@ def _stairs(table: Columns, position: Array) -> Iterator[Remark]:
 
 
 def _bulging(table: Columns, position: Array) -> Iterator[Remark]:
-    """A face that the liquid has pushed out further than any caster would let it."""
+    """A face that the liquid has pushed out further than is plausible in a caster."""
     for label, _, column in curves(table, "displacement"):
         size = column.replace("displacement", "size", 1)
         if not has_values(table, size):
@@ -220,16 +220,16 @@ def _between_rolls(loads: RollLoads) -> Iterator[Remark]:
 def _largest_way_back(
     table: Columns, prefix: str, sign: float, least: float = 0.0
 ) -> tuple[float, str, int, int, str] | None:
-    """By how much a quantity falls most (sign 1) or rises (-1) on its way at any probe.
+    """Largest decrease (sign 1) or increase (-1) of a quantity along the way at any probe.
 
     Args:
         table: The history.
-        prefix: Of the columns.
-        sign: Which way.
-        least: Share of what there was at most, which less does not count beside.
+        prefix: Prefix of the columns.
+        sign: Direction.
+        least: Share of the largest value so far below which a change does not count.
 
     Returns:
-        The difference, the label of the probe, the rows between which it is, and the column.
+        The difference, the label of the probe, the rows between which it occurs, and the column.
     """
     best: tuple[float, str, int, int, str] | None = None
     for label, _, column in curves(table, prefix):
@@ -246,9 +246,9 @@ def _largest_way_back(
 
 
 def _remelting(table: Columns, position: Array) -> Iterator[Remark]:
-    """Where the shell has become thinner on the way down, by the most at any probe.
+    """Where the shell becomes thinner on the way down, at the worst probe.
 
-    A shell that is gone again lets the steel out: what follows is a strand without a breakout.
+    Where the whole shell melts, the steel breaks out, which the run does not model.
     """
     best = _largest_way_back(table, "shell", 1.0, LIMITS.shrunk)
     if best is None or best[0] < LIMITS.melted:
@@ -275,7 +275,7 @@ def _reheating(table: Columns, position: Array) -> Iterator[Remark]:
 
 
 def _coupling(summary: Summary | None) -> Iterator[Remark]:
-    """Coupling windows whose gap has not converged: their results are not to be relied on."""
+    """Coupling windows whose gap has not converged: their results are unreliable."""
     steps = {} if summary is None else summary.steps
     missed, of = (steps.get(f"coupling windows{name}", 0.0) for name in (" not converged", ""))
     if missed and of:
@@ -292,9 +292,9 @@ def _largest(
     least: float = 0.0,
     of: str = "",
 ) -> Iterator[Remark]:
-    """The largest value of the columns `prefix_max`, and of the probes the one that has most there.
+    """The largest value of the columns `prefix_max`, and the largest probe value there.
 
-    What is not above `least` is not told; `of` is the prefix of the largest where it is another.
+    Values not above `least` are omitted; `of` is the prefix of the maximum if it differs.
     """
     whole = f"{of or prefix}_max"
     probes = [(label, column) for label, _, column in curves(table, prefix)]
@@ -311,7 +311,7 @@ def _largest(
     unit = unit_of(table, column)
     if there and max(there)[0] > least:
         most, label = max(there)
-        if most > value and not of:  # at the point itself; the largest is that of points beside it
+        if most > value and not of:  # at the probe itself; the maximum is from points beside it
             yield Remark(what, most, unit, f"{label}, {where}", column)
             return
         scale = scale_of(documented(unit), column)
@@ -335,7 +335,7 @@ def _at_exit(table: Columns, position: Array, at: float, where: str) -> dict[str
             off = None
             if cell != column and has_values(table, cell):
                 size = float(np.interp(at, position, np.asarray(table[cell])))
-                off = STAIR * size if np.isfinite(size) else None  # without a shell, in no cell
+                off = STAIR * size if np.isfinite(size) else None  # no cell without a shell
             found[what] = Remark(what, value, unit, f"{label}, {where}", column, off)
     return found
 
@@ -349,7 +349,7 @@ def _state_of_surface(fields: Fields, at: float) -> int | None:
 def _between_probes(
     fields: Fields, index: int, where: str, probes: dict[str, Remark]
 ) -> dict[str, Remark]:
-    """Places of the surface at the exit that are worse off than every probe, in their stead."""
+    """Places of the surface at the exit that are worse than every probe, which they replace."""
     steel, found = Steel.of(fields.attributes), {}
     if "symmetry" not in fields.attributes:
         return {}  # a strip has sides, but no surface beside its probe
@@ -364,7 +364,7 @@ def _between_probes(
 
 
 def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Remark:
-    """What holds at a hot spot, and what is worst among the probes."""
+    """The value at a hot spot, and the worst one among the probes."""
     label = probe.where.removesuffix(f", {where}")
     digits = ".4g" if probe.unit == "°C" else ".3g"
     own = scale_of(documented(probe.unit), probe.name)
@@ -377,5 +377,5 @@ def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Rema
 
 
 def _finite(values: Array) -> Array:
-    """Values with NaN for what is infinite, as a gap where there is no wall."""
+    """Values with NaN for infinite ones, such as a gap where there is no wall."""
     return np.where(np.isfinite(values), values, np.nan)

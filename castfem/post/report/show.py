@@ -1,4 +1,4 @@
-"""What `castfem show` prints about a run, finished or not, and the figures it draws."""
+"""`castfem show`: the printed report of a run, finished or not, and its figures."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def show(
     figures: bool = True,
     at: Sequence[float] = (),
 ) -> bool:
-    """Prints status, results beside references, balances and effort of a run; draws its figures.
+    """Print status, results beside references, balances and cost of a run; draw its figures.
 
     Args:
-        folder: Of the run, which may be at work, killed or failed.
+        folder: Folder of the run, which may be running, killed or failed.
         console: Where to print; standard output if None.
-        figures: Draw them; a folder that cannot be written costs a line, not the table.
-        at: Positions, m; the results there, and nothing else, if some are given.
+        figures: Draw them; an unwritable folder costs a line, not the table.
+        at: Positions, m; if given, print only the results there.
 
     Returns:
         Whether the files of the run are in order, as far as the figures need them.
@@ -54,7 +54,7 @@ def show(
 
 
 def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bool:
-    """As `show`, in units that have been chosen."""
+    """Like `show`, with the units already chosen."""
     record, summary = RunRecord.load(path), Summary.load(path)
     running = record.status == "running" and OutputFolder(path).is_running()
     if summary is not None and summary.title:
@@ -72,7 +72,7 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bo
         say(out, *_liquid_left(summary))
         say(out, *cautions(path, summary), style="yellow")
         if not (path / HISTORY_NAME).is_file():
-            text = "is missing: no figures over time, and nothing to look at"
+            text = "is missing: no figures over time and no remarks"
             say(out, f"{path / HISTORY_NAME} {text}", style="yellow")
     if (along := table_along(path, summary)) is not None:
         say(out, along, "")
@@ -87,7 +87,7 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bo
 
 
 def how_it_ended(record: RunRecord) -> str:
-    """One line: how a run that has ended stands."""
+    """One line on how a run has ended."""
     return _status(record, running=False)
 
 
@@ -111,24 +111,24 @@ def _remarks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
         for one in remarks_of(path, summary)
     ]
     if rows:
-        yield from (Table((), rows, "What to look at", words=(0, 2)), "")
+        yield from (Table((), rows, "Remarks", words=(0, 2)), "")
 
 
 def _cracks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
-    """Where the strand may crack, which roll carries most, reheat, end of the pool; with maps."""
+    """Crack risk, largest roll load, reheating, solidification end; needs maps."""
     found = crack_places(path, summary)
     if found is None:
         return
     if found.ranking:
-        yield from (Table((), found.ranking, "Where it may crack", words=(0, 3)), "")
+        yield from (Table((), found.ranking, "Crack risk", words=(0, 3)), "")
     elif found.nowhere:
-        yield from (pairs([("", found.nowhere)], "Where it may crack"), "")
+        yield from (pairs([("", found.nowhere)], "Crack risk"), "")
     if found.others:
         yield from (pairs(found.others, found.title), "")
 
 
 def _liquid_left(summary: Summary) -> Iterator[str]:
-    """Say that a strand that has left its mould is not solid where the run ends."""
+    """Report a strand that leaves its mould and is not solid at the end of the run."""
     found = summary.quantities
     length = found.get("metallurgical_length")
     if not summary.ends_below_mould:
@@ -144,7 +144,7 @@ def _liquid_left(summary: Summary) -> Iterator[str]:
 
 
 def _last_state(path: Path, record: RunRecord) -> Iterator[Table | str]:
-    """The last row of the history and the last checkpoint of a run that has not finished."""
+    """The last row of the history and the last checkpoint of an unfinished run."""
     try:
         table = read_columns(path / HISTORY_NAME)
     except InputError:
@@ -178,13 +178,13 @@ def _effort(record: RunRecord, summary: Summary | None) -> Iterator[Table]:
 
 
 def slow_output(record: RunRecord) -> str:
-    """A warning that files have taken much of the time; "" where they have not."""
+    """A warning if writing files has taken much of the time; "" otherwise."""
     total, written = sum(record.wall_time.values()), record.wall_time.get("output", 0.0)
     if written <= max(0.25 * total, 5.0):
         return ""
     return (
         f"{written / total:.0%} of the time went into files: write the fields less often "
-        "(output.every), fewer of them (output.fields), checkpoints more seldom "
+        "(output.every), fewer of them (output.fields), checkpoints less often "
         "(output.checkpoint_every)"
     )
 

@@ -1,4 +1,4 @@
-"""The tables of a run's results: beside what others have found, its balances, along the strand."""
+"""Result tables of a run: beside references, balances, along the strand."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from castfem.runs.results.run_case import case_with
 
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 UNCHANGED = "of the unchanged case"
-"""What stands in place of a difference where the case is not that of the reference any more."""
+"""Shown instead of a difference if the case no longer is that of the reference."""
 
 
 def result_tables(summary: Summary, title: str = "Results") -> Iterator[Table]:
-    """Yield the results, each with what others have found, and the notes on these."""
+    """Yield the results, each with its references, and the notes on these."""
     sources: dict[str, str] = {}
     rows = result_rows(summary, sources)
     heads = ("quantity", "castfem", "unit", *("reference", "difference", ""))
@@ -68,14 +68,15 @@ def balance_tables(summary: Summary) -> Iterator[Table]:
 
 
 def result_rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
-    """Label, ours, unit, theirs, difference, source; one row a reference or a lone quantity.
+    """Label, ours, unit, theirs, difference, source; one row per reference or lone quantity.
 
     `sources` is filled with the mark of each source and its note.
     """
     rows: list[tuple[str, ...]] = []
     referred = {c.reference.quantity for c in summary.references}
     found = summary.quantities
-    ends = [n for n in ENDS if n in found and math.isfinite(found[n].value)]  # of the pool
+    # ends of the liquid core
+    ends = [n for n in ENDS if n in found and math.isfinite(found[n].value)]
     for name in dict.fromkeys((*ends, *found)):
         quantity, twin = found[name], found.get(name.replace(_NARROW, _WIDE))
         alone = name.endswith(_NARROW) and name not in referred
@@ -122,7 +123,7 @@ def _comparison_row(
 
 
 def _difference(comparison: Comparison, theirs: str, scale: Scale) -> str:
-    """How far ours is from theirs, to the digits of theirs; how far a bound is missed."""
+    """Difference of our value from theirs, to the digits of theirs; the excess over a bound."""
     if comparison.reference.changed:
         return UNCHANGED
     value, relative = scale.factor * comparison.shown_difference, 100 * comparison.relative
@@ -155,19 +156,19 @@ _NAMES = (
     "gap_corner",
     "von_mises_max",
 )
-"""What the table of places has, of what a run has."""
+"""Columns that the table of places has, if the run has them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
     """A place along the strand."""
 
-    name: str  #: what is there; empty of one that was asked for
+    name: str  #: label; empty for a requested position
     position: float  #: below the meniscus, m
 
 
 def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
-    """Return the places worth a column: ends of zones, bending, straightening, run (`end`, m)."""
+    """Return the places for columns: ends of zones, bending, straightening, run (`end`, m)."""
     found: list[Place] = []
     if summary is not None:
         found += [Place(zone.name, zone.end) for zone in summary.zones if zone.whole]
@@ -182,7 +183,7 @@ def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
 
 
 def _bends(folder: Path) -> list[Place]:
-    """Ends of bending and straightening, and rolls that are off, of a case with rolls."""
+    """Ends of bending and straightening, and misaligned rolls, of a case with rolls."""
     case = case_with(folder, "[machine")
     rolls = None if case is None or case.machine is None else case.machine.pairs()
     if rolls is None:
@@ -199,7 +200,7 @@ def _bends(folder: Path) -> list[Place]:
 
 
 def table_names(runs: Sequence[Mapping[str, Quantity]], *, everything: bool = False) -> list[str]:
-    """Return what a table of places has: that is not alike on both faces, or all of it."""
+    """Return the results for a table of places: those that differ between the faces, or all."""
     names = list(dict.fromkeys(name for run in runs for name in run))
     if everything:
         return names
@@ -225,7 +226,7 @@ def table_at(folder: Path, positions: Sequence[float]) -> Table:
 
 
 def table_along(folder: Path, summary: Summary | None) -> Table | None:
-    """What there is at the ends of zones, bending and straightening; None where there are none."""
+    """The table at the ends of zones, bending and straightening; None if there are none."""
     try:
         table = read_columns(folder / HISTORY_NAME)
     except InputError:
@@ -257,7 +258,7 @@ def _table(
 
 
 def _heading(place: Place) -> str:
-    """What stands above a column: the place in words, its position in mm or m."""
+    """Heading of a column: the place in words, its position in mm or m."""
     at = place_said(place.position, near=".5g", beyond=math.nextafter(10.0, 0.0))
     return "\n".join([*place.name.split(" "), at]).strip()
 

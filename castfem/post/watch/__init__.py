@@ -1,1 +1,1 @@
-"""Runs at work: how far they have come, by the files they write anyway."""
+"""Progress of running runs, read from the files they write."""

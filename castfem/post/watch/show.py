@@ -1,4 +1,4 @@
-"""Runs at work, shown: in a terminal, and as the report that a browser reads again at intervals."""
+"""Display of running runs: in a terminal, and as a report that a browser reloads at intervals."""
 
 from __future__ import annotations
 
@@ -56,14 +56,15 @@ if TYPE_CHECKING:
 class Viewing:
     """How runs are watched."""
 
-    console: Console  #: where to show them: a picture on a terminal, a line at intervals elsewhere
-    every: float  #: time between two looks, s
-    page: Page | None = None  #: written anew at each look that is due for it
-    wait: bool = False  #: wait for runs that have not begun, or are to be taken up again
-    sleep: Callable[[float], None] = time.sleep  #: waits so many seconds
+    #: where to show them: a live display on a terminal, a line at intervals elsewhere
+    console: Console
+    every: float  #: interval between two updates, s
+    page: Page | None = None  #: rewritten at each update for which it is due
+    wait: bool = False  #: wait for runs that have not started, or that are to be resumed
+    sleep: Callable[[float], None] = time.sleep  #: waits for a number of seconds
 
     def say(self, text: str) -> None:
-        """A line, as it is."""
+        """Print a line as it is."""
         self.console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
@@ -71,8 +72,8 @@ def watch(folder: Path, viewing: Viewing) -> bool:
     """Show a run, or the runs of a sweep, until they have ended.
 
     Args:
-        folder: Of the run, or of the sweep.
-        viewing: Where and how.
+        folder: Folder of the run or the sweep.
+        viewing: Where and how to show them.
 
     Returns:
         Whether the run, or all runs of the sweep, have ended well.
@@ -83,11 +84,11 @@ def watch(folder: Path, viewing: Viewing) -> bool:
 
 
 def _until_begun(folder: Path, viewing: Viewing) -> None:
-    """Wait for a run or a sweep in a folder, if that is wanted."""
+    """Wait for a run or a sweep in a folder, if requested."""
     told = False
     while not any((folder / name).is_file() for name in (SWEEP_NAME, RUN_NAME)):
         if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder}: is no folder")
+            raise InputError(f"{folder}: is not a folder")
         if not viewing.wait:
             what = "holds no run of castfem" if folder.is_dir() else "no such folder"
             raise InputError(f"{folder}: {what}; --wait waits for one to begin")
@@ -100,7 +101,7 @@ def _until_begun(folder: Path, viewing: Viewing) -> None:
 def _watch_run(folder: Path, viewing: Viewing) -> bool:
     watcher, name, console = Watcher(folder), folder.resolve().name, viewing.console
     status = watcher.status()
-    stopped = False  # whether it has been told that the run is no more at work
+    stopped = False  # whether the stop has been reported
     with _Screen(console) as screen, shown_in(units_of_run(folder)):
         while True:
             if viewing.page is not None:
@@ -118,9 +119,9 @@ def _watch_run(folder: Path, viewing: Viewing) -> bool:
 
 
 def _say_stopped(folder: Path, status: RunStatus, before: bool, viewing: Viewing) -> bool:
-    """Say once of a run that is waited for that it is not at work; return whether it is not."""
+    """Report once that an awaited run is not running; return whether it is not."""
     if status.state != RUNNING and not before:
-        viewing.say(f"{ending(folder, status)}; waiting for it to be taken up again")
+        viewing.say(f"{ending(folder, status)}; waiting for it to be resumed")
     return status.state != RUNNING
 
 
@@ -148,7 +149,7 @@ def _watch_sweep(folder: Path, viewing: Viewing) -> bool:
 
 
 class _Screen:
-    """A picture that replaces the one before on a terminal; lines elsewhere."""
+    """A display that replaces the previous one on a terminal; lines elsewhere."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -169,7 +170,7 @@ class _Screen:
     def show(
         self, drawn: Callable[[], RenderableType], text: str, further: list[str] | None = None
     ) -> None:
-        """Show the picture, or the lines where there is no terminal."""
+        """Show the display, or the lines where there is no terminal."""
         if self._live is not None:
             self._live.update(drawn(), refresh=True)
             return
@@ -179,7 +180,7 @@ class _Screen:
 
 
 def picture(status: RunStatus) -> RenderableType:
-    """One run: its way, results of its last row, and the last messages of its log."""
+    """One run: its progress, results of its last row, and the last messages of its log."""
     from rich.console import Group
     from rich.progress_bar import ProgressBar
     from rich.table import Table as Grid
@@ -199,7 +200,7 @@ def picture(status: RunStatus) -> RenderableType:
 
 
 def overview(found: SweepStatus, most: int) -> RenderableType:
-    """The runs of a sweep, a line each; where they are too many, those first that are at work."""
+    """The runs of a sweep, one line each; if they are too many, running ones first."""
     from rich.console import Group
     from rich.text import Text
 
@@ -222,14 +223,14 @@ def overview(found: SweepStatus, most: int) -> RenderableType:
 
 
 class Page:
-    """A file that is written anew until the runs have ended.
+    """A file that is rewritten until the runs have ended.
 
     Args:
-        folder: Of the run, or of the sweep.
+        folder: Folder of the run or the sweep.
         target: The file.
-        every: Time between two versions, s; longer where one takes long to make.
-        clock: Seconds that only grow.
-        wait: A run that was killed or interrupted is expected to be taken up again.
+        every: Interval between two versions, s; longer if writing takes long.
+        clock: Monotonic time, s.
+        wait: Whether a killed or interrupted run is expected to be resumed.
     """
 
     def __init__(
@@ -254,7 +255,7 @@ class Page:
         self._write([run], None if status.state == FINISHED else head)
 
     def write_sweep(self, found: SweepStatus) -> None:
-        """Write the page of a sweep: all its runs at its head, those that have finished below."""
+        """Write the page of a sweep: all runs at the top, finished ones below."""
         if not found.ended and self._clock() < self._next:
             return
         try:
@@ -269,7 +270,7 @@ class Page:
         self._write(runs, None if runs and found.count(FINISHED) == len(found.rows) else head)
 
     def _summary(self, status: RunStatus) -> Summary:
-        """The results of a run that has ended; those of the last row before."""
+        """The results of an ended run; before that, those of its last row."""
         summary = None if status.state == RUNNING else Summary.load(self.folder)
         found = summary or Summary(status.title, status.state, status.quantities)
         more = derived(self.folder, found)
@@ -288,7 +289,7 @@ class Page:
         return AtWork(title, status, now, again, runs, messages)
 
     def _write(self, runs: list[Run], head: AtWork | None) -> None:
-        """Write the page, and note when the next one is due."""
+        """Write the page and schedule the next one."""
         begun = self._clock()
         write_text(self.target, rendered(runs, head), durable=False)
         now = self._clock()
@@ -296,7 +297,7 @@ class Page:
 
 
 def _progress(label: str, status: RunStatus) -> Progress:
-    """How far a run has come, as the page has it."""
+    """Progress of a run for the page."""
     results = ", ".join(f"{word} {text}" for word, text in brief(status).items())
     share = None if math.isnan(status.share) else status.share
     return Progress(label, status.state, share, where(status), results, left(status))

@@ -1,4 +1,4 @@
-"""The status of a run at work, and of all runs of a sweep, and words on them."""
+"""The status of a running run and of all runs of a sweep, and its wording."""
 
 from __future__ import annotations
 
@@ -36,39 +36,39 @@ COLUMNS = {
     "surface_temperature_mid_face": "surface",
     "von_mises_max": "stress",
 }
-"""What stands of a run in one line, and how it is called there."""
+"""Results in the one-line status of a run, and their short names."""
 _STARTS = ("shell_", "surface_temperature_", "gap_", "von_mises_max")
 
 
 @dataclass(frozen=True, slots=True)
 class RunStatus:
-    """A run as it stands."""
+    """Current status of a run."""
 
-    #: "running", "finished", "failed", "interrupted", or "killed": it is not at work any more and
-    #: has not said why
+    #: "running", "finished", "failed", "interrupted", or "killed": no longer running, with no
+    #: reason recorded
     state: str
-    title: str  #: of its case
-    record: RunRecord  #: what run.json holds
-    #: how far it has come, m; NaN before its first row, or if it follows no strand
+    title: str  #: title of its case
+    record: RunRecord  #: contents of run.json
+    #: position reached, m; NaN before its first row, or if it does not follow a strand
     position: float = math.nan
-    length: float = math.nan  #: where it ends, m; NaN where that is not known
+    length: float = math.nan  #: position where it ends, m; NaN if unknown
     quantities: Mapping[str, Quantity] = field(default_factory=dict)  #: results of its last row
-    left: float = math.nan  #: time it will still take, s; NaN while that is not known
-    messages: tuple[str, ...] = ()  #: the last of its log, those of its progress left out
+    left: float = math.nan  #: remaining time, s; NaN while unknown
+    messages: tuple[str, ...] = ()  #: last messages of its log, without progress lines
 
     def has_ended(self, wait: bool = False) -> bool:
-        """Whether nothing more is to be seen of the run."""
+        """Whether the status will not change any more."""
         return self.state in (FINISHED, FAILED) if wait else self.state != RUNNING
 
     @property
     def share(self) -> float:
-        """Of the way that it has come, 0 to 1; NaN where that is not known."""
+        """Completed fraction of its way, 0 to 1; NaN if unknown."""
         known = self.length > 0.0 and not math.isnan(self.position)
         return min(1.0, self.position / self.length) if known else math.nan
 
 
 class Watcher:
-    """Reads the status of a run again and again; nothing is written, nothing asked of the run."""
+    """Reads the status of a run repeatedly; it writes nothing and does not contact the run."""
 
     def __init__(self, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self.folder, self._clock = folder, clock
@@ -79,7 +79,7 @@ class Watcher:
         self._dead = False
 
     def status(self) -> RunStatus:
-        """How the run stands now."""
+        """Read the current status of the run."""
         if not self.folder.is_dir():
             raise InputError(
                 f"{self.folder}: {'is no' if self.folder.exists() else 'no such'} folder"
@@ -101,10 +101,10 @@ class Watcher:
         )
 
     def _begin(self, record: RunRecord) -> None:
-        """Take in the case of a run that is seen for the first time, or was taken up again."""
+        """Read the case of a run that is new or was resumed."""
         self._started = record.started + str(record.resumed)
         self._way.clear()
-        case = read_case(self.folder / CASE_NAME).sound  # none of another version, say
+        case = read_case(self.folder / CASE_NAME).sound  # none if of another version, for example
         self._title = "" if case is None else case.title
         self._length = case.casting.length if isinstance(case, Case) else math.nan
 
@@ -118,20 +118,20 @@ class Watcher:
         return last_quantities(row, names), row.get("position", math.nan)
 
     def _note(self, position: float) -> None:
-        """Keep the way of the last minute."""
+        """Record the positions of the last minute."""
         now = self._clock()
         if self._way and position < self._way[-1][1]:
             self._way.clear()
         if not self._way or position > self._way[-1][1]:
             self._way.append((now, position))
-        while self._way[-1][0] - self._way[0][0] > 60.0:  # s over which the pace is taken
+        while self._way[-1][0] - self._way[0][0] > 60.0:  # s over which the pace is measured
             self._way.popleft()
 
     def _at_work(self) -> bool:
-        """Whether the run is at work.
+        """Whether the run is running.
 
-        Its lock is tried only when its files have not changed since the last time, and no more
-        once it was found free: whoever takes the run up again must find it so.
+        Its lock is tried only if its files have not changed since the last time, and not again once
+        it was found free: whoever resumes the run must find it free.
         """
         paths = (self.folder / name for name in (RUN_NAME, HISTORY_NAME, LOG_NAME))
         seen = tuple(path.stat().st_mtime_ns for path in paths if path.is_file())
@@ -143,7 +143,7 @@ class Watcher:
         return not self._dead
 
     def _log(self) -> tuple[tuple[str, ...], float]:
-        """The last messages, and what is left of the time by the last line of the progress."""
+        """The last messages, and the remaining time by the last progress line."""
         path = self.folder / LOG_NAME
         try:
             with path.open("rb") as file:
@@ -163,7 +163,7 @@ class Watcher:
         return tuple(messages[-5:]), left
 
     def _left(self, position: float, told: float) -> float:
-        """Time left by the pace of the last minute; by the log before that has been seen."""
+        """Remaining time by the pace of the last minute; before that is known, by the log."""
         if len(self._way) < 2 or math.isnan(self._length):
             return told
         (since, start), (last, _) = self._way[0], self._way[-1]
@@ -183,7 +183,7 @@ def results(status: RunStatus) -> list[tuple[str, ...]]:
 
 
 def brief(status: RunStatus) -> dict[str, str]:
-    """Shell, gap, surface and stress of a run as one line has them, those that it has."""
+    """Shell, gap, surface and stress of a run for one line, if it has them."""
     return {
         word: " ".join(cells(name, status.quantities[name]))
         for name, word in COLUMNS.items()
@@ -192,7 +192,7 @@ def brief(status: RunStatus) -> dict[str, str]:
 
 
 def where(status: RunStatus) -> str:
-    """How far the run has come."""
+    """The position a run has reached, in words."""
     if math.isnan(status.position):
         return "no step has been taken yet"
     scale = scale_of("m", "position")
@@ -204,12 +204,12 @@ def where(status: RunStatus) -> str:
 
 
 def percent(status: RunStatus) -> str:
-    """The share of its way in percent; empty where it is not known."""
+    """Completed percentage; empty if unknown."""
     return "" if math.isnan(status.share) else f"{100.0 * status.share:.0f} %"
 
 
 def left(status: RunStatus) -> str:
-    """The time left, as 0:07; empty where it is not known."""
+    """The remaining time, as 0:07; empty if unknown."""
     return "" if math.isnan(status.left) else clock(status.left)
 
 
@@ -227,12 +227,12 @@ def line(name: str, status: RunStatus) -> str:
 
 
 def ending(folder: Path, status: RunStatus) -> str:
-    """How a run has ended, why, and what can be done; one line."""
+    """How a run ended, why, and what can be done, in one line."""
     how = how_it_ended(status.record)
     if status.state == KILLED:
-        return f"{how}; castfem run --resume {folder} goes on from its last checkpoint"
+        return f"{how}; castfem run --resume {folder} continues from its last checkpoint"
     if status.state == "interrupted":
-        return f"{how}; castfem run --resume {folder} goes on"
+        return f"{how}; castfem run --resume {folder} continues it"
     if status.state == "failed":
         return f"{how}; what happened: {folder / LOG_NAME}"
     return f"{how}; its results: castfem show {folder}"
@@ -240,7 +240,7 @@ def ending(folder: Path, status: RunStatus) -> str:
 
 WAITING = "waiting"
 _STOPPED = {KILLED: "killed or aborted", "interrupted": "interrupted", WAITING: "waiting"}
-PATIENCE = 60.0  # s without a run at work, after which a sweep is taken for ended
+PATIENCE = 60.0  # s without a running run after which a sweep counts as ended
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,18 +248,18 @@ class Row:
     """A run of a sweep."""
 
     name: str  #: of its folder
-    label: str  #: what it is called by what is varied
-    status: RunStatus  #: how it stands; its state may be "waiting"
-    seconds: float = 0.0  #: how long it took, if it has ended
+    label: str  #: label from the varied parameters
+    status: RunStatus  #: its status; the state may be "waiting"
+    seconds: float = 0.0  #: duration, if it has ended
 
 
 @dataclass(frozen=True, slots=True)
 class SweepStatus:
-    """A sweep as it stands."""
+    """Current status of a sweep."""
 
     rows: tuple[Row, ...]  #: its runs
-    idle: float  #: how long no run has been at work, s
-    patience: float = PATIENCE  #: how long none may be, before nothing more is waited for, s
+    idle: float  #: time since a run was last running, s
+    patience: float = PATIENCE  #: value of `idle` from which the sweep counts as ended, s
 
     def count(self, state: str) -> int:
         """Number of runs in a state."""
@@ -272,12 +272,12 @@ class SweepStatus:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more is to be seen: all have ended, or none is at work any more."""
+        """Whether the status will not change any more: all have ended, or none is running."""
         return self.complete or self.idle > self.patience
 
     @property
     def left(self) -> float:
-        """Time the sweep will still take, s, by its runs so far; NaN before one has ended."""
+        """Remaining time of the sweep, s, by its runs so far; NaN before one has ended."""
         took = [row.seconds for row in self.rows if row.status.state == FINISHED and row.seconds]
         at_work = [row.status.left for row in self.rows if row.status.state == RUNNING]
         if not took or not at_work:
@@ -289,7 +289,7 @@ class SweepStatus:
 
 
 class SweepWatcher:
-    """Reads the status of the runs of a sweep again and again."""
+    """Reads the status of the runs of a sweep repeatedly."""
 
     def __init__(
         self, folder: Path, clock: Callable[[], float] = time.monotonic, patience: float = PATIENCE
@@ -300,7 +300,7 @@ class SweepWatcher:
         self._busy = clock()
 
     def status(self) -> SweepStatus:
-        """How the sweep stands now."""
+        """Read the current status of the sweep."""
         rows = tuple(self._row(name, entry) for name, entry in Record(self.folder).entries.items())
         now = self._clock()
         if any(row.status.state == RUNNING for row in rows):
@@ -308,7 +308,7 @@ class SweepWatcher:
         return SweepStatus(rows, now - self._busy, self._patience)
 
     def _row(self, name: str, entry: Entry) -> Row:
-        """One run; what has been noted as ended is not read again."""
+        """Status of one run; a run recorded as ended is not read again."""
         known = self._ended.get(name)
         if known is not None and known[0] == entry:
             return known[1]
@@ -319,7 +319,7 @@ class SweepWatcher:
         return row
 
     def _status(self, name: str, entry: Entry) -> RunStatus:
-        """How a run stands; of what its record and the sweep's say the sweep's holds if noted."""
+        """Status of a run, from its record, or from the sweep's record if noted there."""
         folder = self.folder / name
         status = RunStatus(WAITING, "", RunRecord(status=WAITING))
         if (folder / RUN_NAME).is_file():
@@ -334,23 +334,24 @@ class SweepWatcher:
             )
         if entry.physics:
             return replace(status, state=FINISHED)
-        if status.state == FAILED:  # in an earlier call, or its sweep was ended before it was noted
+        # failed in an earlier call, or its sweep ended before it was noted
+        if status.state == FAILED:
             return replace(status, state=WAITING)
         return status
 
 
 def counts(found: SweepStatus) -> str:
-    """How many runs of a sweep have finished, are at work, wait, have failed."""
+    """How many runs of a sweep have finished, are running, wait, have failed."""
     states = dict.fromkeys((FINISHED, RUNNING, WAITING, *(r.status.state for r in found.rows)))
     parts = [f"{found.count(state)} {state}" for state in states]
     end = "" if found.left != found.left else f", left {minutes(found.left)}"
-    if found.idle >= 5.0 and not found.complete:  # s; between two runs there are fewer
+    if found.idle >= 5.0 and not found.complete:  # s; shorter pauses occur between two runs
         end = f"; none at work for {minutes(found.idle)}"
     return f"{len(found.rows)} runs: {', '.join(parts)}{end}"
 
 
 def unfinished(found: SweepStatus) -> Iterator[str]:
-    """What is to be said of the runs of a sweep that have not ended well, a line each."""
+    """Yield messages about runs of a sweep that have not ended well, one line each."""
     for state, why in _STOPPED.items():
         names = [row.name for row in found.rows if row.status.state == state]
         if names:
@@ -358,9 +359,9 @@ def unfinished(found: SweepStatus) -> Iterator[str]:
             yield f"{len(names)} {why}: {listed}"
     if not found.complete:
         yield (
-            f"no run has been at work for {minutes(found.idle)}: the sweep was stopped, or the "
-            "rest waits for its turn; the command of the sweep goes on with it (--resume: from the "
-            "checkpoints), castfem watch --wait waits until it does"
+            f"no run has been running for {minutes(found.idle)}: the sweep was stopped, or its "
+            "other runs are queued; its command continues it (--resume: from the checkpoints), "
+            "castfem watch --wait waits until it does"
         )
     for row in found.rows:
         if row.status.state == FAILED:

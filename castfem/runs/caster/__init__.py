@@ -1,1 +1,1 @@
-"""The whole caster at any moment: many slices in one process, each with what it has met."""
+"""The whole caster at any time: many slices in one process, each with its own history."""

@@ -1,9 +1,9 @@
-"""Slices that meet the same, of which one is computed and the others take over its states.
+"""Slices with the same history: one is computed, and the others take over its states.
 
-While all that goes by the clock (speed, water, heat of the mould) stays as it was when a slice left
-the meniscus, the slice meets what an older one met at the same age.  Where the instants at which it
-is looked at come at the same ages, too (their distance is a whole multiple of `every`), both are
-one run to the last digit.
+While everything that depends on the clock (speed, water, mould heat) stays as it was when a slice
+left the meniscus, the slice has the same history as an older one at the same age. If their output
+times are at the same ages, too (the starts differ by a multiple of `every`), the two runs agree to
+the last digit.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 MOST = 2e8
-"""Bytes of the states that are kept for others, at most."""
+"""Largest size of the kept states, bytes."""
 
 State = tuple[dict[str, Any], dict[str, Array]]
-"""What a run goes on from: its description and arrays (`castfem.runs.restart`)."""
+"""The state from which a run continues: description and arrays (`castfem.runs.restart`)."""
 Met = tuple[object, ...]
-"""What a slice meets as long as nothing changes, and how it is looked at."""
+"""Conditions of a slice while nothing changes, and its output times."""
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is seen of a slice at an age, for a metre of strand."""
+    """A slice at an age, per metre of strand."""
 
     age: float  #: time since it left the meniscus, s
     position: float  #: below the meniscus, m
-    solid: float  #: where it became solid, m; NaN while it is not
-    closed: float  #: how old it was then, s
-    removed: float  #: heat removed from the modelled part, J/m
+    solid: float  #: position at which it became solid, m; NaN before
+    closed: float  #: its age at that time, s
+    removed: float  #: heat removed from the modelled part of the section, J/m
     gained: float  #: change of its enthalpy, J/m
-    row: dict[str, float]  #: columns of its history
-    stops: tuple[float, ...] = ()  #: instants that its steps have ended at, s
-    state: State | None = None  #: where it goes on from
-    #: pyrometers passed since the age that was seen before: number, age s, K
+    row: dict[str, float]  #: its row of the history
+    stops: tuple[float, ...] = ()  #: times at which its steps have ended, s
+    state: State | None = None  #: state from which it continues
+    #: pyrometers passed since the previous output: number, age s, temperature K
     passed: list[list[float]] = field(default_factory=list)
 
 
 class Alike:
-    """States of slices for those that come after them.
+    """States of slices, kept for slices with the same history.
 
     Args:
-        most: Bytes that are kept, at most.
+        most: Largest size of the kept states, bytes.
     """
 
     def __init__(self, most: float = MOST) -> None:
@@ -62,12 +62,12 @@ class Alike:
         self._kept: dict[Met, dict[float, Seen]] = {}
 
     def grow(self, case: Case, starts: Sequence[float], numbers: Iterable[int]) -> None:
-        """Find which of some slices, by number, meet the same.
+        """Determine which of some slices have the same history.
 
         Args:
-            case: Of each slice but for its start (`castfem.model.caster.by_plant`).
+            case: Case of every slice, except for its start (`castfem.model.caster.by_plant`).
             starts: When each slice leaves the meniscus, by the clock, s.
-            numbers: The slices that are inside or to come.
+            numbers: Numbers of the slices in the machine or still to come.
         """
         numbers = list(numbers)
         given = np.array([starts[n - 1] for n in numbers])
@@ -79,38 +79,38 @@ class Alike:
         self.forget(float(given.min(initial=np.inf)))
 
     def forget(self, clock: float) -> None:
-        """Let go of states that nobody takes over from an instant of the clock (s) on."""
+        """Drop the states that no slice takes over after a clock time, s."""
         self._met = {n: key for n, key in self._met.items() if self._until[n] >= clock}
         left = set(self._met.values())
         self._kept = {key: kept for key, kept in self._kept.items() if key in left}
         self._size = sum(_bytes(one) for kept in self._kept.values() for one in kept.values())
 
     def meets_the_same(self, number: int, clock: float) -> bool:
-        """Whether a slice has met until an instant (s) what others have met or will meet."""
+        """Whether the history of a slice until a clock time (s) is that of other slices, too."""
         return number in self._met and clock <= self._until[number]
 
     def find(self, number: int, age: float, stops: tuple[float, ...]) -> Seen | None:
-        """What was seen of another at an age (s), if its steps ended at the same instants."""
+        """Return a kept state at an age (s) whose steps ended at the same times, or None."""
         seen = self._kept.get(self._met[number], {}).get(round(age, DIGITS))
         return seen if seen is not None and (seen.age, seen.stops) == (age, stops) else None
 
     def keep(self, number: int, seen: Seen) -> None:
-        """Keep what was seen of a slice for others."""
+        """Keep the state of a slice for others."""
         if self._size < self._most:
             self._kept.setdefault(self._met[number], {})[round(seen.age, DIGITS)] = seen
             self._size += _bytes(seen)
 
 
 def met(case: Case, starts: Array) -> tuple[list[Met], Array]:
-    """What slices meet that leave the meniscus at some times (n,), s, until something changes.
+    """Conditions met by slices starting at some times (n,), s, until the conditions change.
 
     Args:
-        case: Of each slice but for its start (`castfem.model.caster.by_plant`).
-        starts: By the clock, s.
+        case: Case of every slice, except for its start (`castfem.model.caster.by_plant`).
+        starts: Starting times by the clock, s.
 
     Returns:
-        The same for slices that meet the same (n,), and until when nothing but the superheat
-        changes, by the clock, s (n,).
+        Equal values for slices that meet the same conditions (n,), and the clock times until
+        which only the superheat changes, s (n,).
     """
     phase = np.round(-starts % case.output_every, DIGITS) % case.output_every
     columns, until = [phase], np.full_like(starts, np.inf)
@@ -120,16 +120,16 @@ def met(case: Case, starts: Array) -> tuple[list[Met], Array]:
         columns.append(here)
         if table is case.casting.superheat:
             continue
-        # Extremes of what is still to come bound the slopes of cooling laws from the beginning.
+        # Extremes of the future record bound the slopes of cooling laws from the beginning.
         for extreme in (np.minimum, np.maximum):
             later = extreme.accumulate(values[::-1])[::-1]
             columns.append(extreme(here, np.append(later, values[-1])[nxt]))
-        # Where each row is followed by another value; after the last one nothing changes.
+        # Rows followed by another value; after the last row nothing changes.
         ends = np.where(np.diff(values, append=values[-1]) != 0.0, times, np.inf)
         ends = np.append(np.minimum.accumulate(ends[::-1])[::-1], np.inf)[nxt]
         sloped = here != np.append(values, values[-1])[nxt]
         until = np.minimum(until, np.where(sloped, starts, ends))
-    # A flux that is scaled to a measured total hangs on the mean speed in its zone from the start.
+    # A flux scaled to a measured total depends from the start on the mean speed in its zone.
     if scaled := _ends_of_scaled(case):
         left = [slice_of(case, start).casting.travel.time_at(max(scaled)) for start in starts]
         until = np.where(starts + left <= until, until, -np.inf)
@@ -137,7 +137,7 @@ def met(case: Case, starts: Array) -> tuple[list[Met], Array]:
 
 
 def _ends_of_scaled(case: Case) -> list[float]:
-    """Where zones end that have a flux scaled to a measured total, m."""
+    """Ends of the zones with a flux scaled to a measured total, m."""
     return [
         span.end
         for span in case.zones()

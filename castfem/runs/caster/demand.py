@@ -1,4 +1,4 @@
-"""What a caster takes, told before it runs: slices, instants, memory. No solver is imported."""
+"""Estimates the size of a caster run (slices, output times, memory) without importing a solver."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 _VERTEX, _SLICE, _PROCESS = 130.0, 3.6e6, 1.5e8
-"""Bytes of a vertex of a slice, of the slice besides, of each process; measured."""
+"""Measured memory of a vertex of a slice, of the rest of a slice, and of a process, bytes."""
 _STRAINED = 6e4, 3.6e6, 2.8e8
-"""The same with mechanics, of which each slice has equations of its own: most a bulging slab."""
+"""The same with mechanics, where each slice has its own equations; measured on a bulging slab."""
 _MOST = 0.8
-"""Share of the machine's memory that a caster may take."""
+"""Largest fraction of the machine's memory that a caster may use."""
 
 
 def demand(case: Case, vertices: Indices, ranks: int = 1) -> str:
-    """Return what a caster takes, in a line.
+    """Return the size of a caster run as one line.
 
     Args:
-        case: Sound.
-        vertices: Of the cells of its mesh (m, k).
-        ranks: That share its slices.
+        case: A valid case.
+        vertices: Vertices of the cells of its mesh (m, k).
+        ranks: Number of ranks that share the slices.
 
     Raises:
-        InputError: It is no caster, or asks for more than there is.
+        InputError: The case has no caster, or needs more memory than there is.
     """
     if case.caster is None:
         fix = "add [caster] with plant, spacing and every (docs/caster.md)"
@@ -57,7 +57,7 @@ def demand(case: Case, vertices: Indices, ranks: int = 1) -> str:
 
 
 def _most_inside(case: Case) -> int:
-    """How many slices are inside at once, at most."""
+    """Largest number of slices in the machine at one time."""
     caster, length = case.caster, case.casting.length
     assert caster is not None
     if isinstance(caster.spacing, Way):

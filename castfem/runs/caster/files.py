@@ -1,4 +1,4 @@
-"""Files of a caster: tables that grow by whole pieces, and are cut back when a run is resumed."""
+"""Output files of a caster: tables that grow, and are cut back when a run is resumed."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, float | str]
 CENTRE = "centre_solid_fraction"
-"""A column that all rows of slices have."""
+"""A column in all rows of slices."""
 
 
 class GrowingTable(Closing):
-    """A CSV file whose header names each column and its unit; numbers have twelve digits.
+    """A CSV file whose header has the name and unit of each column; numbers have twelve digits.
 
     Args:
-        path: Of the file.
-        heading: Name and unit of each column; without unit one of words.
-        size: Bytes to go on from, of a file that is there; None to begin it.
+        path: Path of the file.
+        heading: Name and unit of each column; no unit for a column of text.
+        size: Size in bytes from which an existing file continues; None for a new one.
 
     Raises:
-        InputError: The file is shorter than it was.
+        InputError: The file is shorter than `size`.
         RunFailure: It cannot be written.
     """
 
@@ -54,24 +54,24 @@ class GrowingTable(Closing):
             write_text(path, _line(cells))
         else:
             if not path.is_file() or path.stat().st_size < size:
-                raise InputError(f"{path}: has lost rows since; run again without --resume")
+                raise InputError(f"{path}: rows are missing; run again without --resume")
             with saving(path):
                 os.truncate(path, size)
         self._file = AppendedFile(path)
 
     @property
     def size(self) -> int:
-        """Bytes so far."""
+        """Size of the file so far, bytes."""
         return self._path.stat().st_size
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Add rows, all of them or none; what is missing or not finite is an empty cell."""
+        """Add all of some rows or none; missing and non-finite values become empty cells."""
         lines = [_line(line) for line in cells(rows, self._names)]
         if lines:
             self._file.append("".join(lines).encode())
 
     def sync(self) -> None:
-        """Force it to disk."""
+        """Flush the file to disk."""
         self._file.sync()
 
     def close(self) -> None:
@@ -80,7 +80,7 @@ class GrowingTable(Closing):
 
 
 def cells(rows: Iterable[Row], names: Sequence[str]) -> list[list[str]]:
-    """Return rows as CSV has them, in the order of the columns."""
+    """Return rows as text, in the order of the columns."""
     return [[_cell(row.get(name, "")) for name in names] for row in rows]
 
 
@@ -97,14 +97,14 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def definition(column: str) -> tuple[QuantityDefinition, str]:
-    """Return the definition of the quantity in a column of a slice's rows, and its probe."""
+    """Return the definition of the quantity in a slice's column, and its probe."""
     found = find(column)
     assert found is not None, "castfem has written the column"
     return found
 
 
 class SliceRows:
-    """A row of a slice: the columns of its history, and the solid fraction in the centre."""
+    """Makes the row of a slice: columns of its history and central solid fraction."""
 
     def __init__(self, model: Simulation) -> None:
         self._model, self._columns = model, Columns(model)
@@ -114,7 +114,7 @@ class SliceRows:
             self.heading.append((CENTRE, definition(CENTRE)[0].unit))
 
     def row(self, sample: Sample) -> dict[str, float]:
-        """One row in its units."""
+        """One row, in the units of its columns."""
         found = self._columns.row(sample)
         if self._adds:
             centre = next(iter(sample.profiles.values())).temperature[-1]
@@ -123,10 +123,10 @@ class SliceRows:
 
 
 def read_table(path: Path) -> tuple[dict[str, Array], dict[str, str], dict[str, list[str]]]:
-    """Return the columns of numbers of such a file, their units, and the columns of words.
+    """Return the numeric columns of such a file, their units, and the text columns.
 
     Raises:
-        InputError: There is no such file, or it is no table of a caster.
+        InputError: There is no such file, or it is not a table of a caster.
     """
     try:
         file = read_csv(path)
@@ -143,16 +143,16 @@ def read_table(path: Path) -> tuple[dict[str, Array], dict[str, str], dict[str, 
 
 
 def moment_files(folder: Path) -> list[tuple[float, Path]]:
-    """Return the files of a caster's moments, by the clock, s."""
+    """Return the files of a caster's moments with their clock times, s."""
     found = (folder / MOMENTS_NAME).glob("strand_*s.vtu")
     return sorted((float(path.stem[len("strand_") : -1]), path) for path in found)
 
 
 class CasterResult:
-    """What a caster has written, read when it is asked for, in the units of its files.
+    """The output of a caster, read on request, in the units of its files.
 
     Attributes:
-        folder: Of the run.
+        folder: Folder of the run.
     """
 
     def __init__(self, folder: Path, temporary: bool = False) -> None:
@@ -162,17 +162,17 @@ class CasterResult:
 
     @cached_property
     def caster(self) -> pandas.DataFrame:
-        """A row an instant: speed, end of the pool, power, events."""
+        """One row per output time: speed, end of the liquid core, power, events."""
         return self._read(CASTER_NAME)
 
     @cached_property
     def strand(self) -> pandas.DataFrame:
-        """The strand at each instant, a row a slice from the meniscus down."""
+        """The strand at each output time: one row per slice, from the meniscus downwards."""
         return self._read(STRAND_ROWS_NAME)
 
     @cached_property
     def slices(self) -> pandas.DataFrame:
-        """A row for each slice that has left the machine, as it did."""
+        """One row for each slice that has left the machine, at its exit."""
         return self._read(SLICES_NAME)
 
     def _read(self, name: str) -> pandas.DataFrame:

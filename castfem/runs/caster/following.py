@@ -1,7 +1,7 @@
-"""A caster beside its plant: row by row of a file that grows, with its state after each row.
+"""A caster that follows its plant: it reads a growing file, and saves its state after each row.
 
-It comes to the same files as a run of the whole history: each slice goes on in a simulation of its
-own case with the rows so far, and no further than the last of them.
+It writes the same files as a run with the complete record: each slice is simulated with the rows so
+far, up to the last of them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def grown(case: Case, source: PlantFile) -> Case:
-    """Return the case with the rows so far: it is looked at up to the last of them, or its end."""
+    """Return the case with the rows so far, and outputs up to the last row or its end."""
     assert case.caster is not None
     until = source.last if case.caster.end is None else min(source.last, case.caster.end)
     moments = tuple(moment for moment in case.caster.moments if moment <= until)
@@ -41,14 +41,14 @@ def grown(case: Case, source: PlantFile) -> Case:
 
 
 def first_looked_at(case: Case, source: PlantFile, ranks: int) -> Case:
-    """Return the case with the rows to its second instant; they are waited for.
+    """Wait for the rows up to the second output time; return the case with them.
 
     Raises:
         InputError: It cannot be followed.
     """
     if ranks > 1 or case.mechanics is not None:
         reason = "leave out [mechanics]" if ranks == 1 else "start castfem caster without mpirun"
-        raise InputError(f"{source.path}: is followed by the temperature, on one rank: {reason}")
+        raise InputError(f"{source.path}: only thermal runs on one rank can follow it: {reason}")
     while True:
         found = grown(case, source)
         assert found.caster is not None
@@ -61,18 +61,18 @@ def first_looked_at(case: Case, source: PlantFile, ranks: int) -> Case:
 def follow(
     run: CasterRun, case: Case, source: PlantFile, output: OutputFolder, interrupt: Interrupt
 ) -> None:
-    """Go on with each row, until a signal or the end of the case.
+    """Continue with each new row, until a signal or the end of the case.
 
     Args:
-        run: Begun with the rows so far.
-        case: Whose plant grows.
-        source: The rows.
-        output: The folder.
-        interrupt: Asked whether to stop.
+        run: A run begun with the rows so far.
+        case: The case whose plant record grows.
+        source: The growing file.
+        output: Output folder.
+        interrupt: Tells whether to stop.
 
     Raises:
-        RunFailure: A slice cannot go on.
-        Stopped: It was asked to stop; all is saved.
+        RunFailure: A slice failed.
+        Stopped: The run was stopped; everything is saved.
     """
     assert case.caster is not None
     end = math.inf if case.caster.end is None else case.caster.end
@@ -91,7 +91,7 @@ def follow(
 
 
 def _grow(run: CasterRun, case: Case, source: PlantFile, before: int) -> bool:
-    """Take in the rows since; those that no case can have are left out, the last one first."""
+    """Read the new rows; rows that make the case invalid are dropped, the last one first."""
     while len(source) > before:
         try:
             run.grow(grown(case, source))
@@ -103,7 +103,7 @@ def _grow(run: CasterRun, case: Case, source: PlantFile, before: int) -> bool:
 
 
 def _wait(run: CasterRun, interrupt: Interrupt) -> None:
-    """Look for a stop, save what is not saved yet, and let some time pass."""
+    """Check for a stop, save if needed, and pause."""
     try:
         interrupt.check()
     except Stopped:
@@ -121,7 +121,7 @@ def _advance(
     interrupt: Interrupt,
     begun: float,
 ) -> None:
-    """Bring the strand to the last row, which was taken in at `begun`, and write where it is."""
+    """Advance the strand to the last row, which was read at `begun`, and write its state."""
     run.advance(interrupt, None)
     if run.latest is None:
         return

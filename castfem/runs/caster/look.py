@@ -1,4 +1,4 @@
-"""What is seen of the slices of a strand at an instant: numbers alone, which ranks can hand on."""
+"""The state of the slices of a strand at an output time, as numbers that ranks can exchange."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from castfem.model.caster import Cast, Plant
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A slice at an instant."""
+    """A slice at an output time."""
 
-    number: int  #: from 1, the oldest first
+    number: int  #: number, from 1 for the oldest
     start: float  #: when it left the meniscus, by the clock, s
-    length: float  #: of strand that it stands for, m
+    length: float  #: length of strand that it represents, m
     age: float  #: time since it left the meniscus, s
-    lasts: float  #: how old it is when it leaves the machine, s
+    lasts: float  #: its age when it leaves the machine, s
     position: float  #: below the meniscus, m
-    solid: float  #: where it became solid, m; NaN while it is not
-    closed: float  #: how old it was then, s
-    removed: float  #: heat that was removed of its length, J
-    #: change of its enthalpy since the meniscus, J, but for what mechanics generate and feed
+    solid: float  #: position at which it became solid, m; NaN before
+    closed: float  #: its age at that time, s
+    removed: float  #: heat removed from its length, J
+    #: change of its enthalpy since the meniscus, J, without the contributions of the mechanics
     gained: float
-    row: dict[str, float]  #: columns of its history
-    #: pyrometers that it has passed since the instant before: number, age s, K
+    row: dict[str, float]  #: its row of the history
+    #: pyrometers passed since the previous output: number, age s, temperature K
     passed: list[list[float]]
 
     @property
     def has_left(self) -> bool:
-        """Whether it has come to the end of the machine."""
+        """Whether it has reached the end of the machine."""
         return self.age >= self.lasts
 
 
@@ -42,19 +42,18 @@ def pool_end(
     length: float,
     has_head: bool = False,
 ) -> float:
-    """Where the liquid ends, m below the meniscus; NaN where it is not within the machine.
+    """Position of the end of the liquid core, m; NaN if it is not in the machine.
 
-    The strand between the lowest slice with liquid and the next, which is solid, takes as long to
-    become solid as that one did.
+    The strand between the lowest slice with liquid and the next one, which is solid, is assumed to
+    take as long to solidify as the latter did.
 
     Args:
         inside: Slices in the machine, the lowest first.
-        closed: How old slices were when they became solid, s, by number; NaN of one that has left
-            with liquid.
-        cast: What has been cast.
-        clock: The instant, s.
-        length: Of the machine, m.
-        has_head: Whether the first slice is the head of the strand: there liquid ends at it.
+        closed: Age at which each slice became solid, s, by number; NaN if it left with liquid.
+        cast: Length cast over time.
+        clock: Clock time, s.
+        length: Length of the machine, m.
+        has_head: Whether the first slice is the head of the strand, where the liquid ends.
     """
     liquid = next((one for one in inside if math.isnan(one.closed)), None)
     if liquid is None:
@@ -72,7 +71,7 @@ def pool_end(
 
 
 def heat_of(before: tuple[float, float], looks: Iterable[Look]) -> tuple[float, float]:
-    """Return heat removed and change of enthalpy, J, with those of some slices added."""
+    """Return heat removed and change of enthalpy, J, after adding some slices."""
     removed, gained = before
     for one in looks:
         removed, gained = removed + one.removed, gained + one.gained
@@ -80,6 +79,6 @@ def heat_of(before: tuple[float, float], looks: Iterable[Look]) -> tuple[float, 
 
 
 def events_between(plant: Plant, after: float, until: float) -> str:
-    """Return what happened after an instant, up to another."""
+    """Return the events after one time and up to another."""
     pairs = zip(plant.times, plant.events, strict=True)
     return "; ".join(event for at, event in pairs if event and after < at <= until)

@@ -1,6 +1,6 @@
-"""The whole strand at moments that a case names, bent through its machine: files for ParaView.
+"""Writes the strand, bent through its machine, at the moments of a case, for ParaView.
 
-strand.pvd lists them with their times by the clock, s; each is an unstructured grid in moments/.
+strand.pvd lists the moments with their clock times, s; each is an unstructured grid in moments/.
 Between two slices, and from the meniscus to the first, the temperature is linear in the position.
 """
 
@@ -33,19 +33,19 @@ if TYPE_CHECKING:
     from castfem.runs.caster.strand import Slice
 
 LONGEST = 0.1
-"""m, of a cell along the strand, at most."""
+"""Largest cell length along the strand, m."""
 
 
 class Moments:
-    """Writes the strand when a moment has come.
+    """Writes the strand at each requested moment.
 
     Args:
-        case: With a table [caster].
-        model: Of one of its slices.
-        folder: Of the run.
+        case: A case with a table [caster].
+        model: Simulation of one of its slices.
+        folder: Folder of the run.
 
     Attributes:
-        asked: Moments by the clock, s.
+        asked: Requested clock times, s.
     """
 
     def __init__(self, case: Case, model: Simulation, folder: Path) -> None:
@@ -61,14 +61,14 @@ class Moments:
         poured: float | None,
         comm: MPI.Comm,
     ) -> None:
-        """Write the strand if a moment has come since the instant before (collective).
+        """Write the strand if a moment lies between the previous and this output time (collective).
 
         Args:
-            now: The instant, s.
-            before: That before, s.
-            slices: The rank's own.
-            poured: Temperature of what leaves the meniscus now, K; None if nothing does.
-            comm: The ranks.
+            now: This output time, s.
+            before: The previous output time, s.
+            slices: The slices of this rank.
+            poured: Temperature of the steel at the meniscus, K; None if none is poured.
+            comm: The communicator.
         """
         if not any(before < moment <= now for moment in self.asked):
             return
@@ -107,7 +107,7 @@ class Moments:
         self._list(now)
 
     def _placed(self, rows: Array, place: Array) -> Array:
-        """Points of the slices (rows, n, 3): away from the mould, across the strand, up."""
+        """Points of the slices (rows, n, 3): distance from mould, across, upwards."""
         if self._side is not None:
             return self._side.placed(rows, place)
         x, y = (np.broadcast_to(column, (len(rows), len(place))) for column in place.T)
@@ -115,7 +115,7 @@ class Moments:
 
     @cached_property
     def _side(self) -> Side | None:
-        """The strand between its rolls; None of one that goes straight down."""
+        """The strand between its rolls; None if it is straight."""
         table, thickness = self._case.machine, thickness_of(self._case.section)
         rolls = None if table is None else table.pairs()
         if rolls is None or thickness is None:
@@ -123,7 +123,7 @@ class Moments:
         return Side(rolls, thickness, self._case.casting.length)
 
     def _list(self, last: float) -> None:
-        """Name the files so far, up to that of an instant."""
+        """Write the list of the files, up to that of an output time."""
         times = {clock: path for clock, path in moment_files(self._folder) if clock <= last}
         lines = [
             f'<DataSet timestep="{clock!r}" file="{MOMENTS_NAME}/{path.name}"/>'

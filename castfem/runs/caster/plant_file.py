@@ -1,7 +1,7 @@
-"""A history of the plant that is being written: a CSV file that grows by a row from time to time.
+"""A plant record that is still being written: a CSV file to which rows are added.
 
-A line counts once its end is there. One that cannot be read, or whose time does not exceed that of
-the row before, is reported and left out.
+A line counts once it is complete. A line that cannot be read, or whose time does not exceed that of
+the previous row, is reported and ignored.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 PAUSE = 0.2
-"""s between two looks at a file."""
+"""Interval between two checks of the file, s."""
 _NUMBER = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?")
 LATE, ROWS = 3.0, 20
-"""A row is late after so many times the usual time between two, the median of the last rows."""
+"""A row is late after this multiple of the usual interval, the median over the last rows."""
 REST, BEYOND, ONWARD = 600.0, 1e6, 1.0 / 60.0
-"""When a strand at rest is taken to go on, s after the last row; how long it then does, s; and how
-fast one that has not moved yet, m/s. Nothing is computed beyond the last row."""
+"""Assumed continuation of a strand at rest: time after the last row at which it moves again, s; how
+long, s; and its speed if it has not moved yet, m/s. Nothing is computed beyond the last row."""
 
 
 class PlantFile:
-    """The rows of a file so far.
+    """The rows of a plant file so far.
 
     Args:
-        path: Of the file, which need not be there yet.
+        path: Path of the file, which need not exist yet.
 
     Attributes:
-        left_out: How many rows could not be used.
+        left_out: Number of ignored rows.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,12 +55,12 @@ class PlantFile:
         self._read, self._told_late = time.monotonic(), False
 
     def __len__(self) -> int:
-        """Number of rows that are used."""
+        """Number of rows in use."""
         return len(self._times)
 
     @property
     def _long(self) -> float:
-        """Time between two rows that is reported, s: some times that of the rows before."""
+        """Interval after which a row is reported as late, s."""
         apart = np.diff(self._times[-ROWS:])
         return LATE * float(np.median(apart)) if apart.size else math.inf
 
@@ -70,7 +70,7 @@ class PlantFile:
         return self._times[-1] if self._times else -math.inf
 
     def plant(self) -> Plant:
-        """The history so far, whose last row holds; a strand at rest goes on later."""
+        """The record so far; its last row is held, and a strand at rest moves again later."""
         last, values = self.last, self._values
         after = {name: (cells[-1],) * 3 for name, cells in values.items()}
         speed = next((v for v in reversed(values["speed"]) if v > 0.0), ONWARD)
@@ -82,21 +82,21 @@ class PlantFile:
         )
 
     def assignment(self) -> str:
-        """The same in place of the plant of a case, as `--set` takes it."""
+        """The record as an assignment to the plant of a case, as for `--set`."""
         columns = PlantTable().write(self.plant())
         cells = (f"{json.dumps(name)} = {json.dumps(cells)}" for name, cells in columns.items())
         return f"caster.plant={{{', '.join(cells)}}}"
 
     def digest(self, count: int) -> str:
-        """A hash of the first rows."""
+        """Hash of the first `count` rows."""
         rows = [self._times[:count], {n: v[:count] for n, v in self._values.items()}]
         return hashlib.sha256(repr([*rows, self._events[:count]]).encode()).hexdigest()
 
     def expect(self, count: int, digest: str) -> None:
-        """Refuse a file that does not begin with the rows that were followed before.
+        """Refuse a file that does not begin with the rows followed before.
 
         Raises:
-            InputError: It does not.
+            InputError: The rows differ.
         """
         if len(self) < count or self.digest(count) != digest:
             raise InputError(
@@ -105,14 +105,14 @@ class PlantFile:
             )
 
     def drop_last(self, reason: str) -> None:
-        """Leave the last row out again."""
+        """Drop the last row."""
         self._report(f"the row of {self._times.pop():g} s: {reason}; the row is left out")
         self._events.pop()
         for values in self._values.values():
             values.pop()
 
     def take(self) -> int:
-        """Take in the lines that have been added; returns how many of them can be used."""
+        """Read the lines that have been added; return the number of valid ones."""
         before = len(self)
         for number, line in self._added():
             try:
@@ -128,7 +128,7 @@ class PlantFile:
         return len(self) - before
 
     def check(self) -> None:
-        """Refuse a header that no row can do with.
+        """Refuse a header with which no row could be used.
 
         Raises:
             InputError: Its columns cannot be used.
@@ -140,7 +140,7 @@ class PlantFile:
             raise InputError(f"{self.path}: {fault}: time [s], speed [m/min], event")
 
     def _added(self) -> list[tuple[int, str]]:
-        """Whole lines below the header that have been added, with their numbers."""
+        """Complete lines added below the header, with their numbers."""
         try:
             with open(self.path, "rb") as file:
                 if file.seek(0, 2) < self._offset:
@@ -168,23 +168,25 @@ class PlantFile:
         return found
 
     def _add(self, file: CsvFile, number: int) -> None:
-        """Add a row, the only one of a file.
+        """Add the row of a file that has no other.
 
         Raises:
-            ValueError: It cannot be used.
+            ValueError: The row cannot be used.
         """
         if not file.rows:
             return
         cells = [*file.rows[0].cells, *("",) * len(file.headings)]
         if len(file.rows[0].cells) > len(file.headings):
             raise ValueError(f"{len(file.rows[0].cells)} cells, not {len(file.headings)}")
-        # A history has two rows: the second is the same much later.
+        # A record has at least two rows: the second repeats the first at a much later time.
         columns = {h.name: [_full(c, h)] * 2 for h, c in zip(file.headings, cells, strict=False)}
         columns["time"][1] = "1e12 s"
         one = PlantTable().read(columns)
         now, last = one.times[0], self.last
         if not now > last:
-            raise ValueError(f"time ({now:g} s) does not exceed that of the row before, {last:g} s")
+            raise ValueError(
+                f"time ({now:g} s) does not exceed that of the previous row, {last:g} s"
+            )
         if now - last > self._long:
             self._report(f"line {number}: no row between {last:g} s and {now:g} s", 0)
         self._times.append(now)
@@ -198,7 +200,7 @@ class PlantFile:
 
 
 def _full(cell: str, heading: Heading) -> str:
-    """A cell with the unit of its column, where that is a bare number."""
+    """Return a cell with the unit of its column if it is a plain number."""
     bare = heading.unit and heading.name != EVENT and _NUMBER.fullmatch(cell)
     return f"{cell} {heading.unit}" if bare else cell
 
@@ -206,13 +208,13 @@ def _full(cell: str, heading: Heading) -> str:
 def recent(case: Case, since: float) -> Case:
     """Return the case of a caster with only the rows that matter to a slice begun at a time, s.
 
-    Without this, each slice would read a record of days at each of its rows.
+    Otherwise each slice would read the record of days at each of its rows.
     """
     assert case.caster is not None
     plant = case.caster.plant
     first = bisect_right(plant.times, since) - 1
     while first > 0 and not plant.values["speed"][first] > 0.0:
-        first -= 1  # a history begins with the strand on its way
+        first -= 1  # a record begins with a moving strand
     if first <= 0:
         return case
     kept = Plant(

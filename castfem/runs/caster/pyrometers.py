@@ -1,4 +1,4 @@
-"""What pyrometers would see: the surface of each slice as it passes fixed places."""
+"""Simulated pyrometers: the surface temperature of each slice as it passes fixed positions."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ HEADING = [
     ("time", "s"), ("pyrometer", ""), ("position", "m"), ("slice", "-"),
     ("surface_temperature", "degC"),
 ]  # fmt: skip
-"""Columns of pyrometers.csv, a row for a slice that passes; the time is that of the clock."""
+"""Columns of pyrometers.csv, one row for each passing slice; times are clock times."""
 
 
 class Passing:
-    """A slice on its way past the places, between whose steps the temperature is linear in time.
+    """Records when a slice passes the pyrometers, with temperatures linear in time within a step.
 
     Args:
-        places: Of the pyrometers.
-        run: Of the slice.
-        passed: Number of a pyrometer, age s and temperature K of those that are not written yet.
+        places: The pyrometers.
+        run: Run of the slice.
+        passed: Pyrometer number, age s and temperature K of readings that are not written yet.
 
     Raises:
-        InputError: One looks at a place that the surface does not have.
+        InputError: A pyrometer points at a place that the surface does not have.
     """
 
     def __init__(
@@ -54,11 +54,11 @@ class Passing:
         return thermal.time, thermal.point.temperature[self._vertices]
 
     def go_on(self, run: RunState) -> None:
-        """Go on from where a slice is now, which was not watched on its way there."""
+        """Continue from the present position of the slice, without the positions before."""
         self._before = self._seen(run)
 
     def note(self, run: RunState) -> None:
-        """Take in a committed step."""
+        """Process a committed step."""
         (before, old), (now, new) = self._before, self._seen(run)
         for i, one in enumerate(self._places):
             at = run.simulation.machine.time_at(one.at)
@@ -69,7 +69,7 @@ class Passing:
 
 
 def rows(caster: Caster, looks: Sequence[Look]) -> list[Row]:
-    """Return what has been seen since the instant before, in its order."""
+    """Return the readings since the previous output, in their order."""
     places = caster.pyrometer
     found: list[Row] = [
         {

@@ -1,4 +1,4 @@
-"""A run of a caster: its files, its checkpoint, and how far it has come by its clock."""
+"""A run of a caster: its time loop, its files and its checkpoint."""
 
 from __future__ import annotations
 
@@ -49,25 +49,25 @@ HEADING = [
     ("time", "s"), ("speed", "m/min"), ("superheat", "K"), ("slices", "-"),
     ("metallurgical_length", "m"), ("cooling_power", "kW"), ("energy_error", "-"), ("event", ""),
 ]  # fmt: skip
-"""Columns of caster.csv, a row an instant; the time is that of the clock."""
+"""Columns of caster.csv, one row per output time; times are clock times."""
 SAVED_EVERY = 30.0
-"""s of the wall clock between two checkpoints, at least."""
+"""Shortest time between two checkpoints, s of wall-clock time."""
 
 
 class CasterRun:
-    """Takes a strand from instant to instant and keeps its files (collective throughout).
+    """Advances a strand from one output time to the next and writes its files (all collective).
 
     Args:
-        case: With a table [caster], sound.
-        output: Its folder, begun.
-        comm: Ranks that share the slices; files are rank 0's business.
-        goes_on: Whether to go on from the checkpoint in it.
-        save_every: Of the wall clock, s.
-        source: The file that its plant grows with; None where that is known from the beginning.
+        case: A valid case with a table [caster].
+        output: Its output folder, begun.
+        comm: Ranks that share the slices; rank 0 writes the files.
+        goes_on: Whether to continue from the checkpoint in the folder.
+        save_every: Wall-clock time between two checkpoints, s.
+        source: The growing file of the plant record; None for a complete record.
 
     Attributes:
-        latest: The row of the last instant, and those of the slices inside; None before the first.
-        is_saved: Whether the checkpoint has the last instant.
+        latest: The rows of the last output time and of its slices; None before the first.
+        is_saved: Whether the checkpoint contains the last output time.
     """
 
     def __init__(
@@ -88,14 +88,15 @@ class CasterRun:
         self._columns = SliceRows(self.strand.model)
         self._moments = Moments(case, self.strand.model, output.path)
         self._index = self._gone = 0
-        self._looks: dict[int, Look] = {}  # of this rank, at the instant that is on its way
+        self._looks: dict[int, Look] = {}  # of this rank, at the current output time
         self._closed: dict[int, float] = {}
         self._left, self._before = (0.0, 0.0), math.nan
-        self._sizes = self._restore() if goes_on else {}  # of the files, up to the last instant
+        # sizes of the files at the last output time
+        self._sizes = self._restore() if goes_on else {}
         self._files: dict[str, GrowingTable] = {}
         on_root(comm, lambda: self._open(self._sizes))
         self._saved = self._begun = time.monotonic()
-        self._done = 0.0  # s of all slices together
+        self._done = 0.0  # s, summed over all slices
 
     def _open(self, sizes: dict[str, int]) -> None:
         own = self._columns.heading
@@ -111,21 +112,21 @@ class CasterRun:
 
     @property
     def heading(self) -> list[tuple[str, str]]:
-        """Name and unit of the columns of the strand at an instant."""
+        """Name and unit of the columns of the strand at an output time."""
         return [("clock", "s"), ("slice", "-"), *self._columns.heading]
 
     def grow(self, case: Case) -> None:
-        """Go on by a longer history of the plant, which begins as that so far."""
+        """Continue with a longer plant record that begins with the previous one."""
         self.strand.grow(case)
         assert case.caster is not None
         self._case, self._moments.asked = case, case.caster.moments
 
     def go(self, interrupt: Interrupt, progress: Progress | None) -> None:
-        """Go through all instants that are left, and save.
+        """Advance through all remaining output times, and save.
 
         Raises:
-            RunFailure: A slice cannot go on.
-            Stopped: It was asked to stop; all is saved.
+            RunFailure: A slice failed.
+            Stopped: The run was stopped; everything is saved.
         """
         work = self.strand.work
         ages = self._comm.allreduce(sum(one.age for one in self.strand.inside))
@@ -136,7 +137,7 @@ class CasterRun:
         self.save()
 
     def advance(self, interrupt: Interrupt, progress: Progress | None) -> None:
-        """Go through all instants that are left; see `go`."""
+        """Advance through all remaining output times; see `go`."""
         try:
             while self._index < len(self.strand.instants):
                 now = self.strand.instants[self._index]
@@ -148,7 +149,7 @@ class CasterRun:
             raise
 
     def _advance(self, now: float, interrupt: Interrupt, progress: Progress | None) -> None:
-        """Take all slices to an instant; ranks meet after a slice of each."""
+        """Advance all slices to an output time; the ranks meet after each slice."""
         waiting = self.strand.waiting(now, self._looks)
         counts = self._comm.allgather((len(waiting), len(self.strand.inside)))
         for i in range(max(count for count, _ in counts)):
@@ -167,11 +168,11 @@ class CasterRun:
             for _, ended, _ in met:
                 if ended is not None:
                     raise ended
-            if met[0][-1]:  # rank 0 has the clock for all
+            if met[0][-1]:  # the clock of rank 0 counts for all
                 self.save()
 
     def _take(self, one: Slice, now: float, interrupt: Interrupt) -> tuple[int, float]:
-        """Take a slice to an instant; its number, and the time that has passed for it, s."""
+        """Advance a slice to an output time; return its number, and the simulated time, s."""
         before = one.age
         self._looks[one.number] = self.strand.take(one, now, self._columns.row, interrupt)
         return one.number, one.age - before
@@ -179,7 +180,7 @@ class CasterRun:
     def _tell(
         self, number: int, passed: float, now: float, inside: int, progress: Progress | None
     ) -> None:
-        """Tell that a slice has come to an instant; of the first, how long it took."""
+        """Report that a slice has reached an output time; for the first also the time."""
         work = self.strand.work
         if not self._done and passed > 0.0:
             taken = time.monotonic() - self._begun
@@ -193,7 +194,7 @@ class CasterRun:
             progress.update(self._done, now, 0, passed, note)
 
     def _look_at(self, now: float) -> None:
-        """Look at the strand at an instant, and let go of what has left it."""
+        """Collect the state of the strand at an output time; release slices that left."""
         found = self._comm.gather(self._looks)
         before = self.strand.instants[self._index - 1] if self._index else -math.inf
         poured = self.strand.poured(now)
@@ -204,7 +205,7 @@ class CasterRun:
         self.strand.release(now)
 
     def _write(self, now: float, looks: dict[int, Look]) -> None:
-        """Write the strand at an instant (rank 0); a failure midway leaves the instant before."""
+        """Write the strand at an output time (rank 0); after a failure the previous one is kept."""
         strand, caster = self.strand, self._case.caster
         assert caster is not None
         ended = [one for one in looks.values() if one.has_left]
@@ -247,7 +248,7 @@ class CasterRun:
         self._sizes = {name: file.size for name, file in self._files.items()}
 
     def save(self) -> None:
-        """Replace the checkpoint by what there is; rows that were written later are cut off."""
+        """Replace the checkpoint by the present state; resuming cuts off later rows."""
         slices: dict[int, tuple[dict[str, Any], dict[str, Array]]] = {}
         for one in self.strand.inside:
             if (state := one.state()) is not None:
@@ -262,7 +263,7 @@ class CasterRun:
         slices: dict[int, tuple[dict[str, Any], dict[str, Array]]],
         looks: dict[int, Look],
     ) -> None:
-        """Save a checkpoint and note how far the run has come (rank 0)."""
+        """Save a checkpoint and record how far the run has come (rank 0)."""
         for file in self._files.values():
             file.sync()
         meta = {
@@ -285,13 +286,15 @@ class CasterRun:
         self._output.update(reached={"time": instants[max(self._index - 1, 0)]})
 
     def _restore(self) -> dict[str, int]:
-        """Go on from the checkpoint, each rank with its slices; the sizes of the files then."""
+        """Continue from the checkpoint, each rank with its slices; return file sizes then."""
         path, comm, strand = self._output / CHECKPOINT_NAME, self._comm, self.strand
         loaded = on_root(comm, lambda: load_checkpoint(path, **self._physics))
         meta, arrays = loaded if loaded is not None else ({}, {})
         meta = comm.bcast(meta)
         if "looks" not in meta:
-            raise InputError(f"{path}: was written by an earlier castfem; begin anew (--overwrite)")
+            raise InputError(
+                f"{path}: was written by an earlier castfem; start again (--overwrite)"
+            )
         if self._source is not None:
             self._source.expect(*meta["plant"])
         self._index, self._gone = meta["index"], meta["gone"]
@@ -325,15 +328,15 @@ class CasterRun:
 
 
 def _merged(parts: list[dict[int, T]] | None) -> dict[int, T]:
-    """What the ranks have handed on, by the numbers of the slices (rank 0; elsewhere nothing)."""
+    """Merge what the ranks have sent, by number of the slice (rank 0; empty elsewhere)."""
     found = {number: one for part in parts or () for number, one in part.items()}
     return dict(sorted(found.items()))
 
 
 def _physics(case: Case, grows: bool = False) -> dict[str, str]:
-    """What a checkpoint holds of the case: that of a slice, and what they are."""
+    """The case as stored in a checkpoint: that of a slice, and all slices."""
     written = case.document()
-    if grows:  # its rows are compared by themselves
+    if grows:  # the rows are compared separately
         names = {name for name in written["caster"]["plant"] if name != EVENT}
         written["caster"] |= {"plant": sorted(names), "end": None}
     for name in ("moments", "cut"):
@@ -357,19 +360,19 @@ def run_caster(
     """Run the caster of a case and write everything into `folder` (collective).
 
     Args:
-        case: With a table [caster].
-        folder: Where the results go; see docs/caster.md.
-        comm: Ranks that share the slices; all when None.
-        resume: Go on from the checkpoint in `folder`, of whatever number of ranks; where there is
-            none yet, begin.
-        progress: Told of each slice that has come to an instant; on rank 0.
-        save_every: Time between two checkpoints by the wall clock, s.
-        source: The file that the plant of the case grows with, after its first row; the run follows
-            it until it is stopped, or to the end that the case has; on one rank.
+        case: A case with a table [caster].
+        folder: Output folder; see docs/caster.md.
+        comm: Ranks that share the slices; None for all.
+        resume: Continue from the checkpoint in `folder`, which any number of ranks may have
+            written; start again if there is none.
+        progress: Called on rank 0 when a slice has reached an output time.
+        save_every: Wall-clock time between two checkpoints, s.
+        source: File to which the plant record of the case, after its first row, is being added; the
+            run follows it until it is stopped or the case ends; on one rank.
 
     Raises:
         InputError: The case, the folder or the checkpoint cannot be used.
-        RunFailure: A slice cannot go on; the last checkpoint is on disk.
+        RunFailure: A slice failed; the last checkpoint is on disk.
     """
     from castfem.runs.caster.following import first_looked_at, follow
 

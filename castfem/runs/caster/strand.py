@@ -1,9 +1,9 @@
-"""The slices that are inside a caster, taken together from one instant of its clock to the next.
+"""The slices inside a caster, advanced together from one output time to the next.
 
-They share mesh and steel, and without mechanics operators and probes, those of the same superheat a
-curve T(H) and its solver, too; a state is then a few arrays a slice. Each takes its own steps,
-which are those of its own run: its case writes states at the instants of the clock
-(`output.by_clock`), so that steps end there.
+They share mesh and steel; without mechanics also operators and probes, and with equal superheat the
+curve T(H) and its solver, so that a state is a few arrays per slice. Each slice takes the time
+steps of its own run: its case has outputs at the clock times (`output.by_clock`), so that steps end
+there.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 RowOf = Callable[["Sample"], dict[str, float]]
-"""Makes a row of a history."""
+"""Makes the row of the history from a sample."""
 
 
 class Slice:
-    """One slice on its way down.
+    """One slice of the strand.
 
     Args:
-        number: From 1, the oldest first.
+        number: Number, from 1 for the oldest.
         start: When it leaves the meniscus, by the clock, s.
-        length: Of strand that it stands for, m.
-        simulation: Its own.
+        length: Length of strand that it represents, m.
+        simulation: Its simulation.
     """
 
     def __init__(self, number: int, start: float, length: float, simulation: Simulation) -> None:
@@ -68,13 +68,13 @@ class Slice:
         self.loop = TimeLoop(simulation, unsampled=self._passes)
         self._until = 0.0
         self.passing: Passing | None = None
-        self._taken_over: Seen | None = None  # of another slice, where its own loop is behind
-        # Crack indexes and extremes of the mechanics grow with each step.
+        self._taken_over: Seen | None = None  # state of another slice, while its own loop is behind
+        # Crack indexes and extremes of the mechanics accumulate with each step.
         self._each = simulation.case.quality is not None or simulation.mechanics is not None
 
     @property
     def run_state(self) -> RunState:
-        """Where its run stands."""
+        """State of its run."""
         if (seen := self._taken_over) is not None:
             assert seen.state is not None
             self.restore(*seen.state)
@@ -88,34 +88,34 @@ class Slice:
 
     @property
     def lasts(self) -> float:
-        """How old it is when it leaves the machine, s."""
+        """Its age when it leaves the machine, s."""
         return self.loop.simulation.control.end
 
     @property
     def has_left(self) -> bool:
-        """Whether it has come to the end of the machine."""
+        """Whether it has reached the end of the machine."""
         return self.age >= self.lasts
 
     def go_on_in(self, simulation: Simulation) -> None:
-        """Go on from the same state in another simulation, whose plant has gone on."""
+        """Continue from the same state in another simulation, with a longer plant record."""
         state = None if self._taken_over is not None else self.state()
         self.loop = TimeLoop(simulation, unsampled=self._passes)
         if state is not None:
             self.restore(*state)
 
     def state(self) -> tuple[dict[str, Any], dict[str, Array]] | None:
-        """Return what its run goes on from, as a checkpoint has it; None at the meniscus."""
+        """Return its state for a checkpoint; None at the meniscus."""
         if self._taken_over is not None:
             return self._taken_over.state
         run = self.run_state
         if run.sample is None:
             return None
-        run.restored = ({}, {})  # results of a slice on its way are asked for by nobody
+        run.restored = ({}, {})  # results before this state are not needed
         arrays = {name: kept for name, kept in restart.arrays(run).items() if kept is not None}
         return restart.description(run), arrays
 
     def restore(self, described: dict[str, Any], arrays: dict[str, Array]) -> None:
-        """Go on from what `state` has returned."""
+        """Restore what `state` has returned."""
         self._taken_over = None
         simulation, run = self.loop.simulation, self.loop.run_state
         simulation.probes.conducts = simulation.problem.curve
@@ -126,15 +126,15 @@ class Slice:
     def advance(
         self, clock: float, interrupt: Interrupt | None = None, age: float | None = None
     ) -> Sample:
-        """Go on to an instant of the clock, s, or to where it leaves the machine.
+        """Advance to a clock time, s, or to the end of the machine.
 
         Args:
-            clock: The instant.
-            interrupt: Asked before each step whether to stop there.
-            age: The same instant since it left the meniscus, s, if it is known to the last digit.
+            clock: Clock time, s.
+            interrupt: Checked before each step.
+            age: The same time as an age, s, if it is known exactly.
 
         Raises:
-            RunFailure: At the smallest step.
+            RunFailure: A step of the smallest size failed.
         """
         simulation, run = self.loop.simulation, self.run_state
         simulation.probes.conducts = simulation.problem.curve
@@ -149,7 +149,7 @@ class Slice:
             raise RunFailure(f"{start}: {error}") from None
 
     def seen(self, row: dict[str, float]) -> Seen:
-        """Return what is seen of it now, with a row of its history."""
+        """Return its present state, with a row of its history."""
         run, simulation = self.run_state, self.loop.simulation
         solid = run.sampler.metallurgical_length
         thermal = run.state.thermal
@@ -162,7 +162,7 @@ class Slice:
         )  # fmt: skip
 
     def look(self, seen: Seen) -> Look:
-        """Return how it takes part in the strand at an instant, from what is seen of it."""
+        """Return its part in the state of the strand."""
         whole = self.length * self.loop.simulation.section.multiplicity
         return Look(
             self.number, self.start, self.length, seen.age, self.lasts, seen.position,
@@ -171,22 +171,22 @@ class Slice:
         )  # fmt: skip
 
     def take_over(self, seen: Seen) -> None:
-        """Be where another slice was that had met the same."""
+        """Take over the state of another slice with the same history."""
         self._taken_over = seen
         if self.passing is not None:
             self.passing.passed += [list(one) for one in seen.passed]
 
     def go_to(self, clock: float, alike: Alike, row_of: RowOf, interrupt: Interrupt | None) -> Look:
-        """Go on to an instant of the clock, s, and say what is seen there.
+        """Advance to a clock time, s, and return the state there.
 
         Args:
-            clock: The instant.
-            alike: States of others, which are taken over where they have met the same.
-            row_of: Makes a row of its history of a sample.
+            clock: Clock time, s.
+            alike: States of other slices, which are taken over where the history is the same.
+            row_of: Makes the row of the history from a sample.
             interrupt: See `advance`.
 
         Raises:
-            RunFailure: At the smallest step.
+            RunFailure: A step of the smallest size failed.
         """
         if not alike.meets_the_same(self.number, clock):
             return self.look(self.seen(row_of(self.advance(clock, interrupt))))
@@ -196,7 +196,7 @@ class Slice:
         return self.look(self._to_age(last, alike, row_of, interrupt))
 
     def _to_age(self, age: float, alike: Alike, row_of: RowOf, interrupt: Interrupt | None) -> Seen:
-        """Be where another was at an age, s, or go on to it and keep for others what is seen."""
+        """Take over a state at an age, s, or advance to it and keep the state for others."""
         stops = self.loop.simulation.control.stops_until(age)
         found = alike.find(self.number, age, stops)
         if found is not None:
@@ -212,25 +212,25 @@ class Slice:
         return seen
 
     def _ages(self, last: float, after: float) -> list[float]:
-        """Instants of its own time at which it is looked at between two, s."""
+        """Ages of its output times between two ages, s."""
         times = self.loop.simulation.case.output_times()
         between = ROUNDING * self.lasts
         return [age for age in times if after + between < age < last - between]
 
     def watch(self, places: Sequence[Pyrometer], passed: Sequence[Sequence[float]] = ()) -> None:
-        """Note the surface as it passes some places from now on; `passed` is not written yet."""
+        """Record passing pyrometers from now on; `passed` are readings not written yet."""
         if places:
             self.passing = Passing(places, self.run_state, passed)
 
     def take_passed(self) -> list[list[float]]:
-        """Return what pyrometers have seen since it was asked last."""
+        """Return the pyrometer readings since the last call."""
         if self.passing is None:
             return []
         found, self.passing.passed = self.passing.passed, []
         return found
 
     def _passes(self, run: RunState) -> bool:
-        """Take in a step without results, but where they are asked for."""
+        """Process a step; sample it only where results are needed."""
         if self.passing is not None:
             self.passing.note(run)
         asked = run.sample is None or run.state.time >= self._until - EXACT * self.lasts
@@ -241,19 +241,19 @@ class Slice:
 
 
 class Strand:
-    """The slices of a caster that are inside at a time, as far as they are a rank's own.
+    """The slices of a caster in the machine, as far as they belong to this rank.
 
-    Slices go round the ranks by their numbers: neighbours take about as long.
+    Slices are dealt out to the ranks in turn, since neighbours take about equally long.
 
     Args:
-        case: With a table [caster], sound.
-        rank: That holds these slices. ranks: How many there are.
+        case: A valid case with a table [caster].
+        rank: This rank. ranks: Number of ranks.
 
     Attributes:
-        base: The case of each slice but for its start.
+        base: Case of every slice, except for its start.
         starts: When each slice leaves the meniscus, by the clock, s.
-        work: How long each is followed, s.
-        inside: The rank's slices that are in the machine, the lowest first.
+        work: Time over which each slice is followed, s.
+        inside: Slices of this rank in the machine, the lowest first.
     """
 
     def __init__(self, case: Case, rank: int = 0, ranks: int = 1) -> None:
@@ -268,10 +268,10 @@ class Strand:
         self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
 
     def grow(self, case: Case) -> None:
-        """Take in the case with a longer history, which begins as that so far."""
+        """Continue with a longer plant record that begins with the previous one."""
         assert case.caster is not None
         since = self.inside[0].start if self.inside else -math.inf
-        base = by_plant(recent(case, since))  # it may be refused
+        base = by_plant(recent(case, since))  # may raise
         self.instants, self.cast = case.caster.instants, cast_of(case)
         self.starts, self.base, self.work = starts_of(case), base, followed(case)
         self._tail, self._caster = ends_with_tail(case), case.caster
@@ -280,34 +280,34 @@ class Strand:
         for one in self.inside:
             new = build_beside(slice_of(base, one.start), self._first, self._problems)
             one.go_on_in(new)
-            one.length = self.length_of(one.number)  # the next may have been unknown
+            one.length = self.length_of(one.number)  # the next slice may have been unknown before
             self._warn_once(one)
-        # With mechanics what a run does hangs on what it is still to meet: the mean speed.
+        # With mechanics the simulation depends on the future mean speed.
         if base.mechanics is None:
             inside = [one.number for one in self.inside]
             self._alike.grow(base, self.starts, [*inside, *self._to_come])
 
     def _warn_once(self, one: Slice) -> None:
-        """Let sprays of all slices tell once that they are beyond their table."""
+        """Let all slices together warn once that sprays leave their table."""
         sprays = one.loop.run_state.sampler.sprays
         if sprays is not None:
             sprays.warned = self._warned
 
     @property
     def model(self) -> Simulation:
-        """The simulation of the first slice, which has what all share."""
+        """The simulation of the first slice, which holds all shared objects."""
         return self._first
 
     def holds(self, number: int) -> bool:
-        """Whether a slice is of this rank."""
+        """Whether a slice belongs to this rank."""
         return (number - 1) % self._ranks == self._rank
 
     def pass_by(self, gone: int) -> None:
-        """Leave out the first slices, which have left the machine before a run is resumed."""
+        """Drop the first slices, which left the machine before the run was resumed."""
         self._to_come, self._begun = [n for n in self._to_come if n > gone], gone
 
     def enter(self, number: int) -> Slice:
-        """Let a slice of this rank, by number, leave the meniscus."""
+        """Start a slice of this rank at the meniscus."""
         start = self.starts[number - 1]
         simulation = build_beside(slice_of(self.base, start), self._first, self._problems)
         made = Slice(number, start, self.length_of(number), simulation)
@@ -319,21 +319,21 @@ class Strand:
         return made
 
     def length_of(self, number: int) -> float:
-        """Length of strand that a slice stands for: to the next, as they leave the meniscus, m.
+        """Length of strand that a slice represents: the distance to the next at the meniscus, m.
 
-        The tail of the strand stands for none.
+        The tail of the strand represents none.
         """
         if number == len(self.starts):
             if self._tail:
                 return 0.0
-            number = max(number - 1, 1)  # as long as the one before
+            number = max(number - 1, 1)  # as long as that of the slice before
         ends = [self.cast.length(start) for start in self.starts[number - 1 : number + 1]]
         return ends[-1] - ends[0]
 
     def poured(self, clock: float) -> float | None:
-        """Temperature of the steel that leaves the meniscus at an instant of the clock, K.
+        """Temperature of the steel at the meniscus at a clock time, K.
 
-        None while the strand stands, and once its tail has left.
+        None while the strand stands, and after its tail.
         """
         until = self._caster.cast_until
         if not self._caster.plant.table("speed")(clock) > 0.0 or (until or clock) < clock:
@@ -341,11 +341,11 @@ class Strand:
         return starting_temperature(slice_of(self.base, clock), self._first.steel)
 
     def waiting(self, clock: float, passed: Container[int] = ()) -> list[Slice]:
-        """Return the slices that are to be taken to an instant of the clock, s.
+        """Return the slices to be advanced to a clock time, s.
 
         Args:
-            clock: The instant; those that leave the meniscus until then enter.
-            passed: Numbers of those that are there already.
+            clock: Clock time; slices that leave the meniscus before it are started.
+            passed: Numbers of the slices that are already there.
         """
         while self._to_come and self.starts[self._to_come[0] - 1] <= clock:
             self.enter(self._to_come[0])
@@ -354,11 +354,11 @@ class Strand:
     def take(
         self, one: Slice, clock: float, row_of: RowOf, interrupt: Interrupt | None = None
     ) -> Look:
-        """Take a slice to an instant of the clock, s, and look at it; see `Slice.go_to`."""
+        """Advance a slice to a clock time, s, and return its state; see `Slice.go_to`."""
         return one.go_to(clock, self._alike, row_of, interrupt)
 
     def release(self, clock: float) -> None:
-        """Let go of the slices that have left the machine by an instant of the clock, s."""
+        """Release the slices that have left the machine by a clock time, s."""
         self._alike.forget(clock)
         for one in self.inside:
             if one.has_left:
@@ -366,7 +366,7 @@ class Strand:
         self.inside = [one for one in self.inside if not one.has_left]
 
     def _free(self, one: Slice) -> None:
-        """Free what a slice has for itself: without mechanics it shares all but its arrays."""
+        """Free what belongs to one slice only: without mechanics just its arrays."""
         if self.base.mechanics is not None:
             one.loop.simulation.destroy()
 

@@ -1,13 +1,14 @@
-"""checkpoint.h5: the state of a run, replaced in one step, checked when it is read.
+"""checkpoint.h5: the state of a run, replaced atomically, verified when it is read.
 
     /          attributes: format, version, physics
     /meta      the description, JSON
-    /case      what of the case the state depends on, JSON: it is told by name what has changed
+    /case      the part of the case that the state depends on, JSON, to name what has changed
     /arrays/*  the arrays
 
-After the HDF5 come eight bytes, a mark and the CRC-32 of all before it: HDF5 itself does not notice
-a changed number, and may crash over a changed table. The new checkpoint is written beside the old
-one and takes its name only when it is on disk: a kill or a power cut leaves one of the two, whole.
+The HDF5 data are followed by eight bytes, a mark and the CRC-32 of all before it: HDF5 itself does
+not notice a changed number, and may crash on a damaged table. The new checkpoint is written beside
+the old one and renamed only when it is on disk: after a kill or a power failure one of the two is
+complete.
 """
 
 from __future__ import annotations
@@ -43,15 +44,15 @@ def save_checkpoint(
     physics: str = "",
     case: str = "{}",
 ) -> None:
-    """Replaces the checkpoint by this state; the one before survives until this one is complete.
+    """Replace the checkpoint; the previous one survives until the new one is complete.
 
     Args:
-        path: Of the file.
-        meta: What JSON can hold; floats come back bit by bit, NaN included.
-        arrays: Name to array; a "/" in a name groups. They come back bit by bit.
-        physics: Hash of everything in the case that the state depends on.
-        case: The tables of the case as JSON. A table of many rows takes longer to write than a
-            step to compute: a run does it once.
+        path: Path of the file.
+        meta: Description, in JSON types; floats are restored bit by bit, NaN included.
+        arrays: Arrays by name; a "/" in a name makes a group. They are restored bit by bit.
+        physics: Hash of everything in the case on which the state depends.
+        case: Tables of the case as JSON. Writing out a long table takes longer than a step, so a
+            run does it once.
     """
     image = _image(dict(meta), arrays, physics, case)
     with replacing(Path(path)) as temporary:
@@ -61,16 +62,16 @@ def save_checkpoint(
 def load_checkpoint(
     path: Path | str, *, physics: str | None = None, case: str = "{}"
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The description and the arrays of a checkpoint.
+    """Return the description and the arrays of a checkpoint.
 
     Args:
-        path: Of the file.
-        physics: Hash the checkpoint must have; None takes any.
-        case: As to `save_checkpoint`, to say what differs.
+        path: Path of the file.
+        physics: Required hash; None accepts any.
+        case: As in `save_checkpoint`, to name the differences.
 
     Raises:
-        InputError: No such file, not a checkpoint, damaged, of another castfem, or of another case;
-            the line names what differs and the fix.
+        InputError: There is no such file, it is not a checkpoint, it is damaged, or it belongs to
+            another version or case; the message names the differences and the fix.
     """
     import h5py
 
@@ -88,7 +89,7 @@ def load_checkpoint(
 
 
 def _checked(path: Path) -> bytes:
-    """The HDF5 in the file, its check sum compared."""
+    """Return the HDF5 data of the file after verifying its check sum."""
     try:
         content = path.read_bytes()
     except FileNotFoundError as error:
@@ -97,7 +98,7 @@ def _checked(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {_ANEW}") from error
     image, tail = content[:-8], content[-8:]
     if tail[:4] != _MARK:
-        raise InputError(f"{path}: is not a checkpoint of castfem, or cut off; {_ANEW}")
+        raise InputError(f"{path}: is not a castfem checkpoint, or is truncated; {_ANEW}")
     if tail[4:] != struct.pack("<I", zlib.crc32(image)):
         raise InputError(f"{path}: is damaged: its checksum differs; {_ANEW}")
     return image
@@ -106,7 +107,7 @@ def _checked(path: Path) -> bytes:
 def _image(
     meta: dict[str, Any], arrays: Mapping[str, NDArray[Any]], physics: str, case: str
 ) -> bytes:
-    """The bytes of the file: HDF5 itself never meets a full disk, which it does not survive."""
+    """Return the bytes of the file: HDF5 does not survive a full disk, so it writes to memory."""
     import h5py
 
     with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
@@ -128,7 +129,7 @@ def _words(file: h5py.File, name: str) -> dict[str, Any]:
 
 
 def _check_head(path: Path, file: h5py.File, physics: str | None, case: str) -> None:
-    """Refuses other versions and other cases."""
+    """Refuse other versions and other cases."""
     version = file.attrs.get("version")
     if version != VERSION:
         raise InputError(
@@ -145,7 +146,7 @@ def _check_head(path: Path, file: h5py.File, physics: str | None, case: str) -> 
 
 
 def _json_value(value: Any) -> Any:
-    """Numpy scalars and arrays as plain values; anything else is an error of the caller."""
+    """Convert numpy scalars and arrays for JSON; anything else is a programming error."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} cannot be kept in a checkpoint")

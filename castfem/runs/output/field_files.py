@@ -1,12 +1,12 @@
-"""The HDF5 files of the fields, of which none is ever changed: written whole, replaced whole.
+"""The HDF5 files of the fields, which are never modified but always replaced as a whole.
 
     fields.h5           the mesh, and the times that have been gathered
     fields/000012.h5    a time that has not
 
-Adding to an HDF5 file changes its tables in place, and a kill in that instant costs the whole file.
-So every time goes into a file of its own, which takes its name when it is complete. In the end all
-of them are gathered in a new fields.h5, which takes the place of the old one; only then are the
-files of the single times removed. At any moment each time is there, and every file can be read.
+Adding to an HDF5 file changes its tables in place, and a kill at that moment would destroy the
+whole file. Therefore each time is written to a file of its own, which gets its name when it is
+complete. At the end all are gathered in a new fields.h5, which replaces the old one; only then are
+the files of the single times removed. At any moment each time exists, and every file can be read.
 
     /                    attributes: format, version, cell, order and what the caller tells
     /mesh/points         (n, 3) m
@@ -41,7 +41,7 @@ SINGLE_NAME = "fields"
 FORMAT = "castfem fields"
 VERSION = 1
 
-_LIBVER = ("v108", "v108")  # any viewer reads it; its tables are smaller than those of the first
+_LIBVER = ("v108", "v108")  # readable by any viewer; smaller tables than those of the first format
 _SINGLE = re.compile(r"\d{6,}\.h5")
 _LEFTOVER = re.compile(r"\.\d{6,}\.h5\.tmp")
 
@@ -50,30 +50,30 @@ Values = NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One time on disk."""
+    """One output time on disk."""
 
-    number: int  #: its place among the times
+    number: int  #: index of the time
     time: float  #: s
     position: float  #: below the meniscus, m
-    file: str  #: where it is, relative to the folder of the run, as an XDMF names it
+    file: str  #: its file, relative to the folder of the run, as the XDMF file names it
 
     @property
     def group(self) -> str:
-        """The group in the file that holds its fields."""
+        """HDF5 group of its fields."""
         return f"steps/{self.number:06d}"
 
     @property
     def single(self) -> bool:
-        """Whether it has a file of its own."""
+        """Whether it is in a file of its own."""
         return self.file != HDF5_NAME
 
 
-# What HDF5 and h5py raise over a file that is none, cut off or not ours.
+# Errors of HDF5 and h5py for a file that is not HDF5, incomplete or foreign.
 UNREADABLE = (OSError, RuntimeError, KeyError, TypeError, ValueError)
 
 
 def open_hdf5(path: Path) -> h5py.File:
-    """Opens for reading, without a lock: a viewer may have the file open, too."""
+    """Open for reading without a lock: a viewer may have the file open, too."""
     import h5py
 
     return h5py.File(path, "r", locking=False)
@@ -86,14 +86,14 @@ def begin(
     facts: Mapping[str, float | int | str],
     dtype: DTypeLike,
 ) -> None:
-    """Puts a new fields.h5 without any time in place of whatever was there.
+    """Write a new fields.h5 without any time, replacing an existing one.
 
     Args:
-        folder: Of the run.
+        folder: Folder of the run.
         points: (n, 3) nodes [m].
         cells: (m, k) nodes of the cells in VTK order.
         facts: Attributes of the file.
-        dtype: Of the values.
+        dtype: Type of the values.
     """
     remove_singles(folder)
 
@@ -114,7 +114,7 @@ def add(
     position: float,
     fields: Mapping[str, tuple[str, Values]],
 ) -> Step:
-    """Puts one time on disk; it is there whole, or not at all."""
+    """Write one time to disk atomically."""
     path = folder / SINGLE_NAME / f"{number:06d}.h5"
     step = Step(number, time, position, f"{SINGLE_NAME}/{path.name}")
 
@@ -134,9 +134,9 @@ def add(
 
 
 def written(folder: Path, gathered: h5py.File) -> list[Step]:
-    """All times on disk, in their order.
+    """Return all times on disk, in their order.
 
-    What cannot be read of a single time, as after a power cut, is left out with a warning.
+    Single times that cannot be read, such as after a power failure, are skipped with a warning.
 
     Raises:
         Exception: One of `UNREADABLE`: fields.h5 is damaged, or not castfem's.
@@ -146,7 +146,7 @@ def written(folder: Path, gathered: h5py.File) -> list[Step]:
     found = {step.number: step for step in _steps(gathered, HDF5_NAME)}
     for path in singles(folder):
         if int(path.stem) in found:
-            continue  # gathered, and the run was killed before the file was removed
+            continue  # already gathered; the run was killed before removing the file
         try:
             with open_hdf5(path) as file:
                 for step in _steps(file, f"{SINGLE_NAME}/{path.name}"):
@@ -160,13 +160,13 @@ def written(folder: Path, gathered: h5py.File) -> list[Step]:
 
 
 def gather(folder: Path, steps: Iterable[Step]) -> list[Step]:
-    """Makes a fields.h5 that holds these times and no others; the single files stay.
+    """Write a fields.h5 with exactly these times; the single files stay.
 
     Returns:
-        The times as they are then.
+        The times with their new file.
 
     Raises:
-        RunFailure: It cannot be written; fields.h5 is untouched.
+        RunFailure: The file cannot be written; fields.h5 is unchanged.
     """
     import h5py
 
@@ -186,19 +186,19 @@ def gather(folder: Path, steps: Iterable[Step]) -> list[Step]:
 
 
 def singles(folder: Path) -> list[Path]:
-    """The files of single times in the folder of a run, in their order."""
+    """Return the files of single times in the folder of a run, in their order."""
     found = _named(folder, _SINGLE)
     return sorted(found, key=lambda path: int(path.stem))
 
 
 def remove_singles(folder: Path, keep: Iterable[Step] = ()) -> None:
-    """Remove the files of single times except those to keep, the last first; user files stay."""
+    """Remove the files of single times except those in `keep`, the last first; keep user files."""
     kept = {folder / step.file for step in keep}
     for path in [*reversed(singles(folder)), *_named(folder, _LEFTOVER)]:
         if path not in kept:
             with saving(path):
                 path.unlink(missing_ok=True)
-    with suppress(OSError):  # there is none, or it holds others
+    with suppress(OSError):  # missing, or not empty
         (folder / SINGLE_NAME).rmdir()
 
 
@@ -225,12 +225,12 @@ def _holding(folder: Path, step: Step, gathered: h5py.File) -> Iterator[h5py.Fil
 
 
 class _Patient(io.FileIO):
-    """A file for HDF5, which does not survive a write that fails: the error is kept for later."""
+    """A file object for HDF5, which does not survive a failing write: the error is stored."""
 
     error: OSError | None = None
 
     def write(self, data: Any) -> int:
-        """Writes all of it, or notes why not."""
+        """Write all data, or store the error."""
         left = memoryview(data).cast("B")
         size = len(left)
         try:
@@ -241,7 +241,7 @@ class _Patient(io.FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Sets the length, or notes why it cannot be."""
+        """Set the length, or store the error."""
         try:
             return super().truncate(size)
         except OSError as error:
@@ -250,7 +250,7 @@ class _Patient(io.FileIO):
 
 
 def write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
-    """Writes a small HDF5 file: made in memory, since HDF5 does not survive a full disk."""
+    """Write a small HDF5 file from memory, since HDF5 does not survive a full disk."""
     import h5py
 
     with h5py.File("image", "w", driver="core", backing_store=False) as file:
@@ -262,7 +262,7 @@ def write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
 
 
 def store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
-    """Stores one array, lightly compressed when it is large.
+    """Store one array, lightly compressed if it is large.
 
     Below 64 kB the chunk index and the filter cost more than they save.
     """
@@ -280,7 +280,7 @@ def store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
 
 @cache
 def _can_compress() -> bool:
-    """Whether HDF5 has its filter; says once if not."""
+    """Whether HDF5 has its compression filter; warns once if not."""
     from h5py import h5z
 
     if h5z.filter_avail(h5z.FILTER_DEFLATE):
@@ -290,6 +290,6 @@ def _can_compress() -> bool:
 
 
 def _chunks(values: Values) -> tuple[int, ...]:
-    """Chunks of about a megabyte, whole rows."""
+    """Chunks of whole rows of about a megabyte."""
     row = values.nbytes // len(values)
     return (max(1, min(len(values), 1_000_000 // row)), *values.shape[1:])

@@ -1,4 +1,4 @@
-"""Reading the fields back, for figures and for users' own scripts."""
+"""Reads the fields of a run, for figures and for users' scripts."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class Fields(Closing):
         points: (n, 3) nodes [m].
         cells: (m, k) nodes of the cells, in VTK order.
         cell: "triangle" or "quadrilateral".
-        order: 1 or 2, of the geometry.
-        folder: Of the run.
+        order: Geometric order of the cells, 1 or 2.
+        folder: Folder of the run.
         times: (t,) [s].
         positions: (t,) below the meniscus [m].
-        attributes: What the run told: solidus, liquidus [K], symmetry ...
+        attributes: Facts about the run: solidus, liquidus [K], symmetry ...
     """
 
     def __init__(self, folder: Path | str) -> None:
-        """Opens the fields of a folder; also while a run is writing them."""
+        """Open the fields of a folder, also while a run is writing them."""
         self.folder = Path(folder)
         self._path = self.folder / HDF5_NAME
         if not self._path.is_file():
@@ -41,8 +41,8 @@ class Fields(Closing):
         self._open()
 
     def _open(self) -> None:
-        """Opens fields.h5 as it is now and reads everything but the values."""
-        for left in (2, 1, 0):  # a run that ends meanwhile moves them into one file
+        """Open the present fields.h5 and read everything but the values."""
+        for left in (2, 1, 0):  # a run that ends meanwhile gathers them in one file
             try:
                 self.close()
                 before = self._path.stat()
@@ -81,15 +81,15 @@ class Fields(Closing):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the fields; empty when no time has been written."""
+        """Names of the fields; empty when no time has been written."""
         return tuple(self._centres)
 
     def centre(self, name: str) -> str:
-        """Where a field lives: "point" or "cell"."""
+        """Location of the values of a field: "point" or "cell"."""
         return self._centres[name]
 
     def values(self, name: str, index: int = -1) -> NDArray[np.float64]:
-        """A field at one time: (rows,), (rows, 3) or (rows, 9); `index` as in a list."""
+        """A field at one time: (rows,), (rows, 3) or (rows, 9); `index` as for a list."""
         if name not in self.names:
             raise InputError(f"{self._path}: no field {name}; there are {self.names}")
         place = range(len(self._steps))[index]
@@ -111,7 +111,7 @@ class Fields(Closing):
         return nullcontext(self._file)
 
     def close(self) -> None:
-        """Closes the file; it may be closed twice."""
+        """Close the file; may be called twice."""
         if self._file is not None:
             self._file.close()
         self._file = None

@@ -1,4 +1,4 @@
-"""The folder a run writes, and who may write into it.
+"""The output folder of a run, and the lock on it.
 
     case.toml      the case as resolved: extends, --set and defaults worked in
     properties/    copies of the property files of the user's that it names
@@ -24,10 +24,10 @@
     strand.pvd     ... the strand at moments, for ParaView, with a file each in moments/
     figures/       what `castfem show` draws (`castfem.post.plots.figures`)
 
-castfem begins anew only in a folder without any of these names, or in one that holds its own
-run.json; then it removes these and nothing else. run.json exists from the first moment to the last,
-and a locked `.castfem.lock` says that a run is at work; the lock goes with the process, however it
-ends. No host name is written, and no path outside the folder but those of the command line.
+castfem starts a new run only in a folder without any of these names, or in one with its own
+run.json; then it removes these files and no others. run.json exists throughout the run, and a
+locked `.castfem.lock` shows that a run is at work; the lock ends with the process in any case. No
+host name is written, and no path outside the folder except those of the command line.
 """
 
 from __future__ import annotations
@@ -69,16 +69,16 @@ FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
 PROBES_NAME = "probes"
 WALL_FLUX_NAME = "wall_flux.csv"
-DERIVATIVES_NAME = "derivatives.json"  # that a run has carried along
+DERIVATIVES_NAME = "derivatives.json"  # computed during a run
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 DEPTHS_NAME, DEPTH_ROWS_NAME = "depth_maps.h5", "depth_maps.rows"
 ERROR_NAME, ERROR_ENDING = "error.json", "_error"
-"""File of the errors of a case, and what its folder has behind the name of a run's."""
+"""File of the errors of a case, and the suffix of its folder."""
 CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME = "caster.csv", "strand.csv", "slices.csv"
 NOW_NAME, NOW_ROWS_NAME = "now.json", "now.csv"
 PYROMETERS_NAME = "pyrometers.csv"
 STRAND_SERIES_NAME, MOMENTS_NAME = "strand.pvd", "moments"
-STRAND_NAME = "strand.vtu"  # written on demand, from the others
+STRAND_NAME = "strand.vtu"  # written on request, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "depths", "caster", "roll_to_roll")
@@ -86,9 +86,9 @@ TENSILE_FIGURES = ("tensile",)
 ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
 CASTER_FIGURES = "strand_over_time", "strand_maps", "strand_moments"
 _LOCK_NAME = ".castfem.lock"
-# Of a property file; whatever run.json says, nothing else is removed on its word.
+# A property file; nothing else is removed on the word of run.json.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
-# The checkpoint is the first to go: of what is left of a run nothing is resumed.
+# The checkpoint is removed first: a partly removed run must not be resumed.
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
@@ -100,7 +100,7 @@ ARTEFACTS = (
 
 
 def _probe_files(case: bytes) -> list[str]:
-    """Files of the probes that a resolved case names; none of one that cannot be read."""
+    """Files of the probes in a resolved case; none if it cannot be read."""
     if b"probe" not in case:
         return []
     try:
@@ -111,13 +111,13 @@ def _probe_files(case: bytes) -> list[str]:
 
 
 class OutputFolder(Closing):
-    """The folder of one run; on rank 0 only.
+    """The output folder of one run; only on rank 0.
 
-    Used as a context manager it notes in run.json how the block ended and gives the lock back.
+    As a context manager it records in run.json how the block ended, and releases the lock.
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Names the folder; nothing is touched before `begin`."""
+        """Store the path; nothing is touched before `begin`."""
         self.path = Path(path)
         self.record = RunRecord()
         self._earlier: Mapping[str, float] = {}
@@ -125,7 +125,7 @@ class OutputFolder(Closing):
         self._lock: FileLock | None = None
 
     def __truediv__(self, name: str) -> Path:
-        """The path of a file in the folder."""
+        """Return the path of a file in the folder."""
         return self.path / name
 
     def begin(
@@ -136,20 +136,20 @@ class OutputFolder(Closing):
         ranks: int = 1,
         resume: bool = False,
     ) -> bool:
-        """Takes the folder for a run: lock, removal of the run before, case.toml, run.json.
+        """Take the folder for a run: lock it, remove the previous run, write the first files.
 
         Args:
             case: The resolved case as TOML.
-            files: Name, below `PROPERTIES_NAME`, and content of the property files it names.
+            files: Name, below `PROPERTIES_NAME`, and content of its property files.
             ranks: Number of MPI processes.
-            resume: Go on with the run in the folder; nothing of it is removed, unless it was cut
-                short before its first checkpoint.
+            resume: Continue the run in the folder; nothing of it is removed, unless it ended before
+                its first checkpoint.
 
         Returns:
-            Whether there is a checkpoint to go on from: false of a new run, or one begun anew.
+            Whether there is a checkpoint to continue from; False for a run from the beginning.
 
         Raises:
-            InputError: Another run is at work there, files there are not castfem's, a finished run
+            InputError: Another run is active there, files there are not castfem's, a finished run
                 has no checkpoint to resume from, or the folder cannot be written.
         """
         try:
@@ -169,12 +169,12 @@ class OutputFolder(Closing):
             raise self._unusable(error) from error
 
     def update(self, **changes: Any) -> None:
-        """Changes entries of run.json, named as in `RunRecord`.
+        """Change entries of run.json, named as in `RunRecord`.
 
-        wall_time is that of this process; it is added to what the run had taken before a resume.
+        wall_time is that of this process; the time before a resume is added to it.
         """
         if changes:
-            self._before = None  # the run is on its way
+            self._before = None  # the run is under way
         if "wall_time" in changes:
             own = changes["wall_time"]
             stages = [*self._earlier, *(name for name in own if name not in self._earlier)]
@@ -185,33 +185,33 @@ class OutputFolder(Closing):
         self.record.write(self.path)
 
     def write_summary(self, summary: Summary) -> None:
-        """Writes summary.json."""
+        """Write summary.json."""
         write_json(self / SUMMARY_NAME, summary.to_json())
 
     def finish(self, **changes: Any) -> None:
-        """Notes in run.json that the run has ended well."""
+        """Record in run.json that the run has finished."""
         self.update(status="finished", reason="", ended=_now(), **changes)
 
     def interrupt(self, reason: str, **changes: Any) -> None:
-        """Note in run.json that the run was stopped, and by what; it can be resumed."""
+        """Record in run.json that the run was stopped, and by what; it can be resumed."""
         self.update(status="interrupted", reason=reason, ended=_now(), **changes)
 
     def fail(self, reason: str, **changes: Any) -> None:
-        """Notes in run.json why the run has failed: the first line, without where the folder is."""
+        """Record why the run failed in run.json: the first line, without the folder's path."""
         first = reason.strip().splitlines()[0] if reason.strip() else "unknown reason"
         inside = first.replace(f"{self.path}/", "")
         self.update(status="failed", reason=inside, ended=_now(), **changes)
 
     def _begin_no_more(self, record: RunRecord, inputs: Mapping[str, bytes]) -> None:
-        """Leaves the folder as it was before a resume that turned out to be impossible."""
+        """Restore the folder to its state before a resume that turned out to be impossible."""
         self.write_inputs(inputs)
         self.record = record
         self.update()
 
     def write_inputs(self, inputs: Mapping[str, bytes]) -> None:
-        """Puts the case and its property files in place; takes away those it names no more.
+        """Write the case and its property files; remove property files that it no longer names.
 
-        They are replaced, never removed first: the case may have been read from these very files.
+        They are replaced, never removed first: the case may have been read from these files.
         """
         for name, content in inputs.items():
             path = self / name
@@ -225,31 +225,31 @@ class OutputFolder(Closing):
                 with saving(path):
                     path.unlink(missing_ok=True)
                 for parent in (path.parent, path.parent.parent):
-                    with suppress(OSError):  # it holds others
+                    with suppress(OSError):  # not empty
                         parent.rmdir()
         hashes = {name: sha256(content).hexdigest() for name, content in inputs.items()}
         self.update(files=hashes)
 
     def close(self) -> None:
-        """Gives the lock back."""
+        """Release the lock."""
         if self._lock is not None:
             self._lock.release()
             self._lock = None
 
     def leave(self, error: BaseException) -> None:
-        """Note why the run ends, or take back that it has begun."""
+        """Record why the run ends, or undo its beginning."""
         if self._before is not None and isinstance(error, InputError):
             with suppress(CastfemError):
                 self._begin_no_more(*self._before)
         elif self._lock is not None and self.record.status == "running":
-            with suppress(CastfemError):  # a full disk must not hide what went wrong
+            with suppress(CastfemError):  # a full disk must not hide the error
                 if isinstance(error, KeyboardInterrupt):
                     self.interrupt(reason_of(error))
                 else:
                     self.fail(str(error) or type(error).__name__)
 
     def is_running(self) -> bool:
-        """Whether a run is at work in the folder at this moment."""
+        """Whether a run is active in the folder now."""
         if self._lock is not None:
             return True
         from filelock import FileLock, Timeout
@@ -262,14 +262,14 @@ class OutputFolder(Closing):
             locked = taken(probe)
         except Timeout:
             return True
-        except OSError:  # no right to the file: nobody can be told of
+        except OSError:  # no permission to open the file: assume no run
             return False
         if locked:
             probe.release()
         return False
 
     def _acquire(self) -> None:
-        """Takes the lock or says that somebody has it."""
+        """Take the lock, or report that another process holds it."""
         from filelock import FileLock, Timeout
 
         lock = FileLock(self / _LOCK_NAME, timeout=0)
@@ -283,7 +283,7 @@ class OutputFolder(Closing):
             self._lock = lock
 
     def _take_over(self, inputs: Mapping[str, bytes], ranks: int, resume: bool) -> bool:
-        """Makes the folder ready under the lock; returns whether there is something to resume."""
+        """Prepare the folder under the lock; return whether there is something to resume."""
         present = [name for name in ARTEFACTS if (self / name).exists()]
         present += [str(path.relative_to(self.path)) for path in singles(self.path)]
         present += [name for name in _probe_files(inputs[CASE_NAME]) if (self / name).exists()]
@@ -326,7 +326,7 @@ class OutputFolder(Closing):
     def _strangers(
         self, inputs: Mapping[str, bytes], earlier: RunRecord | None = None
     ) -> list[str]:
-        """Files of the user's in the place of copies that are to be written."""
+        """User files in the place of copies that would be written."""
         ours = {CASE_NAME, *(earlier.files if earlier else ())}
         paths = {name: self / name for name in inputs if name not in ours}
         return [
@@ -336,7 +336,7 @@ class OutputFolder(Closing):
         ]
 
     def _remove_artefacts(self) -> None:
-        """Removes what the run before has written, except what is replaced at once."""
+        """Remove the output of the previous run, except for files that are replaced at once."""
         for name in ARTEFACTS:
             path = self / name
             for leftover in (path, temporary_name(path), path.with_name(f".{path.name}.tmp2")):
@@ -352,11 +352,11 @@ class OutputFolder(Closing):
             with saving(self / name):
                 (self / name).unlink(missing_ok=True)
         for name in (FIGURES_NAME, PROBES_NAME):
-            with suppress(OSError):  # it may hold files of the user
+            with suppress(OSError):  # may contain user files
                 (self / name).rmdir()
 
     def _unusable(self, error: BaseException) -> InputError:
-        """The folder cannot be written, said in one line with the fix."""
+        """Return the error for a folder that cannot be written, with the fix."""
         _, reason = system_reason(error)
         return InputError(
             f"{self.path}: cannot be used as output folder ({reason}); choose another with -o"

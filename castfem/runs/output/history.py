@@ -1,4 +1,4 @@
-"""history.csv: one row a step, units in the header, never half a row."""
+"""history.csv: one row per step, units in the header, never a partial row."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ _COLUMN = re.compile(r"(.*?) \[(.*)\]")
 class History(Closing):
     """Appends rows to a CSV file whose first line is `name [unit],name [unit],...`.
 
-    Numbers have twelve significant digits; what is missing or not finite is an empty cell. A row
-    goes to the operating system in one piece, so that a killed run leaves whole rows.
+    Numbers have twelve significant digits; missing and non-finite values are empty cells. A row is
+    passed to the operating system in one piece, so that a killed run leaves complete rows.
     """
 
     _names: tuple[str, ...]
     _file: AppendedFile
 
     def __init__(self, path: Path | str, columns: Sequence[tuple[str, str]]) -> None:
-        """Begins the file anew.
+        """Create the file, replacing an existing one.
 
         Args:
-            path: Of the file.
-            columns: Name and unit of each; the first is ("time", "s"). A number without dimension
-                has the unit "-".
+            path: Path of the file.
+            columns: Name and unit of each column; the first is ("time", "s"). A dimensionless
+                number has the unit "-".
 
         Raises:
-            RunFailure: It cannot be written.
-            ValueError: A name or unit that would not come back from the header.
+            RunFailure: The file cannot be written.
+            ValueError: A name or unit could not be read back from the header.
         """
         for name, unit in columns:
             if not name or not unit or set(name + unit) & set(',"\n[]'):
@@ -66,18 +66,17 @@ class History(Closing):
         columns: Sequence[tuple[str, str]] | None = None,
         rows: int | None = None,
     ) -> History:
-        """Opens the file of an earlier run, dropping in one step all rows after `upto_time` [s].
+        """Open the file of an earlier run, dropping all rows after `upto_time` [s] atomically.
 
         Args:
-            path: Of the file.
+            path: Path of the file.
             upto_time: The last time to keep.
-            columns: Which the file must have; None takes any.
-            rows: How many there must be up to then, of increasing times; None takes any.
+            columns: Required columns; None accepts any.
+            rows: Required number of rows up to that time, with increasing times; None accepts any.
 
         Raises:
-            InputError: There is none, it is not a history, it has other columns, or rows are
-                missing.
-            RunFailure: It cannot be written.
+            InputError: The file is missing, not a history, has other columns, or lacks rows.
+            RunFailure: The file cannot be written.
         """
         path = Path(path)
         if not path.is_file():
@@ -101,7 +100,7 @@ class History(Closing):
         if rows is not None and len(times) != rows:
             raise InputError(
                 f"{path}: has {len(times)} rows to {upto_time:g} s, of {rows} that were written: "
-                f"it has been changed; put the file back as it was, or {_ANEW}"
+                f"it has been changed; restore the file, or {_ANEW}"
             )
         if any(later <= time for time, later in pairwise(times)):
             raise InputError(f"{path}: its times do not increase; correct it, or {_ANEW}")
@@ -112,11 +111,11 @@ class History(Closing):
         return history
 
     def append(self, row: Mapping[str, float]) -> None:
-        """Adds one row; columns that are not named stay empty.
+        """Add one row; columns that are not given stay empty.
 
         Raises:
             RunFailure: The file cannot be written.
-            ValueError: A name that is no column.
+            ValueError: A name is not a column.
         """
         unknown = row.keys() - set(self._names)
         if unknown:
@@ -126,30 +125,30 @@ class History(Closing):
         self._file.append(text.encode())
 
     def sync(self) -> None:
-        """Forces the rows to disk."""
+        """Flush the rows to disk."""
         self._file.sync()
 
     def close(self) -> None:
-        """Closes the file; nothing is lost without it."""
+        """Close the file; without it nothing is lost."""
         self._file.close()
 
 
 class Columns:
-    """A history as an array a column, read and used as a table of pandas but without loading it.
+    """A history with one array per column, used like a pandas table but without loading pandas.
 
     Attributes:
         columns: Names, without units.
-        attrs: Name to unit in `attrs["units"]`.
+        attrs: Unit of each column in `attrs["units"]`.
     """
 
     def __init__(self, values: Mapping[str, Array], units: Mapping[str, str]) -> None:
-        """Columns of the same length, and their units."""
+        """Store columns of equal length, and their units."""
         self._values = dict(values)
         self.columns = tuple(self._values)
         self.attrs = {"units": dict(units)}
 
     def __getitem__(self, name: str) -> Array:
-        """(rows,) of one column."""
+        """Values of one column (rows,)."""
         return self._values[name]
 
     def __contains__(self, name: object) -> bool:
@@ -164,25 +163,25 @@ class Columns:
 
 
 def read_columns(path: Path | str) -> Columns:
-    """A history as arrays of floats under the bare names of its columns.
+    """Read a history as arrays of floats by column name.
 
-    A last row cut off by a kill is left out.
+    An incomplete last row, left by a kill, is dropped.
     """
     path = Path(path)
     header, rows = _complete_lines(path)
     columns = _columns(path, header)
     values = [[_number(path, cell) for cell in row.split(",")] for row in rows]
     if any(len(row) != len(columns) for row in values):
-        raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+        raise InputError(f"{path}: a row does not have the {len(columns)} cells of the header")
     for before, this in pairwise(row[0] for row in values):
-        if not this >= before:  # nor where one is missing
+        if not this >= before:  # also true for NaN
             raise InputError(f"{path}: its times do not increase ({this:g} s after {before:g} s)")
     across = np.array(values, dtype=np.float64).reshape(len(rows), len(columns)).T.copy()
     return Columns(dict(zip((name for name, _ in columns), across, strict=True)), dict(columns))
 
 
 def read_history(path: Path | str) -> pandas.DataFrame:
-    """As `read_columns`, as a table of pandas; the units are in `table.attrs["units"]`."""
+    """Read a history as a pandas table; the units are in `table.attrs["units"]`."""
     import pandas
 
     found = read_columns(path)
@@ -192,13 +191,13 @@ def read_history(path: Path | str) -> pandas.DataFrame:
 
 
 def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None:
-    """The last whole row of a history, read without the rest of the file.
+    """Read the last complete row of a history without the rest of the file.
 
     Returns:
-        Column to value, NaN where it is empty, and column to unit; None while there is no row.
+        Values by column, NaN for empty cells, and units by column; None if there is no row.
 
     Raises:
-        InputError: No such file, or it is not a history.
+        InputError: There is no such file, or it is not a history.
     """
     path = Path(path)
     try:
@@ -206,7 +205,7 @@ def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None
             header = file.readline()
             columns = _columns(path, header.decode().rstrip("\n"))
             size = file.seek(0, os.SEEK_END)
-            row = 20 * len(columns)  # bytes, at most: numbers and their commas
+            row = 20 * len(columns)  # largest size in bytes: numbers and commas
             file.seek(max(len(header), size - 2 * row))
             rows = file.read().split(b"\n")[:-1]
     except FileNotFoundError as error:
@@ -217,7 +216,7 @@ def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None
         return None
     cells = rows[-1].decode(errors="replace").split(",")
     if len(cells) != len(columns):
-        raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+        raise InputError(f"{path}: a row does not have the {len(columns)} cells of the header")
     values = [_number(path, cell) for cell in cells]
     return {name: value for (name, _), value in zip(columns, values, strict=True)}, dict(columns)
 
@@ -227,7 +226,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def _number(path: Path, cell: str) -> float:
-    """The value of a cell, NaN when it is empty."""
+    """Value of a cell, NaN if it is empty."""
     try:
         return float(cell) if cell else math.nan
     except ValueError as error:
@@ -235,7 +234,7 @@ def _number(path: Path, cell: str) -> float:
 
 
 def _complete_lines(path: Path) -> tuple[str, list[str]]:
-    """The header and all rows that end in a newline."""
+    """The header, and all rows that end with a newline."""
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

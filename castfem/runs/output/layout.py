@@ -1,4 +1,4 @@
-"""Units of fields, the order of nodes and components in VTK, and triangles to draw cells with."""
+"""Units of the fields, VTK order of nodes and components, and triangulation for plots."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _VTK_ORDER = {
     ("triangle", 2): (0, 1, 2, 5, 3, 4),
     ("quadrilateral", 2): (0, 1, 3, 2, 4, 6, 7, 5, 8),
 }
-# Triangles that cover a cell, in VTK node order. A straight quadrilateral is cut from its centre,
-# the extra node 4, so that no diagonal is preferred.
+# Triangles that cover a cell, in VTK node order. A straight quadrilateral is divided from its
+# centre, the extra node 4, so that no diagonal is preferred.
 _TRIANGLES = {
     ("triangle", 1): ((0, 1, 2),),
     ("quadrilateral", 1): ((0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
@@ -27,7 +27,7 @@ _TRIANGLES = {
     ),
 }
 
-# Fields are written in SI, "-" where there is no unit.
+# Fields are written in SI; "-" for dimensionless ones.
 UNITS = {
     "temperature": "K",
     "solid_fraction": "-",
@@ -43,10 +43,10 @@ UNITS = {
 
 
 def vtk_cells(cells: ArrayLike, cell: str, order: int) -> NDArray[np.int32]:
-    """Cells (m, k) in DOLFINx node order brought into VTK's.
+    """Reorder the nodes of cells (m, k) from DOLFINx to VTK.
 
     Raises:
-        ValueError: No such cell, or the wrong number of nodes a cell.
+        ValueError: Unknown cell, or a wrong number of nodes per cell.
     """
     if (cell, order) not in _VTK_ORDER:
         raise ValueError(f"cell {cell!r} of order {order} cannot be written")
@@ -58,18 +58,18 @@ def vtk_cells(cells: ArrayLike, cell: str, order: int) -> NDArray[np.int32]:
 
 
 def components(values: ArrayLike, rows: int, name: str) -> NDArray[Any]:
-    """A field as ParaView wants it: (rows,) scalar, (rows, 3) vector or (rows, 9) tensor.
+    """Reshape a field for ParaView: (rows,) scalar, (rows, 3) vector or (rows, 9) tensor.
 
-    A vector of the plane gets a zero third component. A tensor is given as (rows, 2, 2) or
-    (rows, 3, 3), or as (rows, 4) = xx, yy, zz, xy, symmetric, as generalized plane strain has it.
+    A plane vector gets a zero third component. A tensor is given as (rows, 2, 2) or (rows, 3, 3),
+    or symmetric as (rows, 4) = xx, yy, zz, xy.
 
     Args:
-        values: The field, one row a node or a cell.
+        values: The field, one row per node or cell.
         rows: Number of nodes or cells.
-        name: Of the field, for the message.
+        name: Name of the field, for the message.
 
     Raises:
-        ValueError: Another shape.
+        ValueError: The array has another shape.
     """
     field = np.asarray(values)
     if field.ndim == 0 or field.shape[0] != rows:
@@ -94,7 +94,7 @@ def components(values: ArrayLike, rows: int, name: str) -> NDArray[Any]:
 def triangulate(
     points: NDArray[np.float64], cells: NDArray[np.int32], cell: str, order: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
-    """Cuts the cells of a mesh into straight triangles.
+    """Divide the cells of a mesh into straight triangles.
 
     Returns:
         The plane points (n', 2); the triangles (t, 3), anticlockwise as the cells are; and

@@ -1,4 +1,4 @@
-"""How a run went and by what it was made: what run.json of its folder holds."""
+"""run.json: status, versions, ranks and times of a run."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ _STOPPED = STOPS[signal.SIGINT]
 
 @dataclass(frozen=True, slots=True)
 class RunRecord:
-    """What run.json holds."""
+    """The content of run.json."""
 
-    #: "running", "finished", "failed", or "interrupted" by the user or a batch system. A run that
-    #: was killed stays "running".
+    #: "running", "finished", "failed", or "interrupted" by the user or a batch system. A killed run
+    #: stays "running".
     status: str = "running"
-    reason: str = ""  #: why it failed or stopped, one line
+    reason: str = ""  #: reason of a failure or interruption, one line
     started: str = ""  #: when the run began, UTC
-    ended: str = ""  #: when it ended, empty before
-    resumed: int = 0  #: how often it was resumed
+    ended: str = ""  #: when it ended, empty until then
+    resumed: int = 0  #: number of resumes
     ranks: int = 1  #: number of MPI processes
-    #: name to version of castfem and what it stands on
+    #: versions of castfem and the packages it uses, by name
     versions: Mapping[str, str] = field(default_factory=dict)
-    #: stage to seconds, those before a resume included
+    #: seconds by stage, including those before a resume
     wall_time: Mapping[str, float] = field(default_factory=dict)
-    #: names of the forms this simulation compiled or took from the cache
+    #: names of the compiled forms of this run (compiled or from the cache)
     compiled_forms: tuple[str, ...] = ()
-    memory_mb: float | None = None  #: largest resident memory of all ranks together, in 10^6 bytes
+    memory_mb: float | None = None  #: largest resident memory of all ranks together, MB
     #: last good state: time [s], position [m], step
     reached: Mapping[str, int | float] = field(default_factory=dict)
-    commands: tuple[str, ...] = ()  #: the command line, of each start if it was resumed
-    #: SHA-256 of case.toml and of the copies of property files, by their names
+    commands: tuple[str, ...] = ()  #: command lines: of the start and of each resume
+    #: SHA-256 of case.toml and of the copies of property files, by name
     files: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def load(cls, folder: Path | str) -> RunRecord:
-        """Reads run.json."""
+        """Read run.json."""
         path = Path(folder) / RUN_NAME
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -66,7 +66,7 @@ class RunRecord:
             raise InputError(f"{path}: not written by castfem")
         known = {entry.name for entry in fields(cls)}
         record = {key: value for key, value in content.items() if key in known}
-        for key in ("wall_time", "reached"):  # what was not finite is null there
+        for key in ("wall_time", "reached"):  # non-finite values are null in the file
             if isinstance(record.get(key), dict):
                 record[key] = renamed({k: v for k, v in record[key].items() if v is not None})
         try:
@@ -75,26 +75,26 @@ class RunRecord:
             first = error.errors()[0]
             where = dotted(first["loc"])
             raise InputError(
-                f"{path}: {where}: {first['msg'].lower()}, it has been changed; correct it, or "
-                "take another folder"
+                f"{path}: {where}: {first['msg'].lower()}, the file has been changed; correct "
+                "it, or choose another folder"
             ) from error
-        if found.status == "failed" and found.reason == _STOPPED:  # so written by castfem 0.1
+        if found.status == "failed" and found.reason == _STOPPED:  # as castfem 0.1 wrote it
             return replace(found, status="interrupted")
         return found
 
     def write(self, folder: Path) -> None:
-        """Writes run.json."""
+        """Write run.json."""
         write_json(folder / RUN_NAME, {"format": _FORMAT, **asdict(self)})
 
 
 @cache
 def _reader() -> TypeAdapter[RunRecord]:
-    """What checks a record; it takes longer to make than to read hundreds of them."""
+    """Validator of a record; making it takes longer than reading hundreds of records."""
     return TypeAdapter(RunRecord)
 
 
 def versions() -> dict[str, str]:
-    """Versions of castfem and of what this process has loaded; imports nothing."""
+    """Versions of castfem and the packages loaded in this process; imports nothing."""
     found = {"castfem": castfem.__version__, "python": platform.python_version()}
     for name in ("dolfinx", "ufl", "basix", "numpy", "h5py"):
         module = sys.modules.get(name)
@@ -116,6 +116,6 @@ def versions() -> dict[str, str]:
 
 
 def command() -> str:
-    """The command line of this process; of the program its name alone."""
+    """Command line of this process, with only the name of the program."""
     program, *words = sys.argv or [""]
     return shlex.join([Path(program).name, *words])

@@ -1,10 +1,10 @@
-"""The slices of a run stacked along its caster: one file for ParaView.
+"""Stacks the slices of a run along the caster in one file for ParaView.
 
-The strand is a mesh of hexahedra or wedges, its slices where the caster has them: away from the
-mould, across the strand and up from the meniscus, m. Between two slices that were written values
-are linear in the position, while the strand bends with its rolls, however few they are. What is
-known on the surface alone, as the crack indexes, is that of the maps, which have a row a step;
-inside it is NaN. Where one of these is largest there is a row: the file has the largest value.
+The strand is a mesh of hexahedra or wedges, with its slices at their positions in the caster:
+distance from the mould, across, and upwards from the meniscus, m. Between two written slices values
+are linear in the position, while the strand follows the curve of its rolls. Quantities known only
+at the surface, such as crack indexes, come from the surface maps, which have a row per step; inside
+they are NaN. A row is placed where one of these is largest, so that the file has the largest value.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ _SOLIDS = {"triangle": "wedge", "quadrilateral": "hexahedron"}
 
 
 def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[int, int]:
-    """Write the strand of a run, as far as it has come, as an unstructured grid of VTK.
+    """Write the strand of a run, as far as it has been computed, as a VTK unstructured grid.
 
     Args:
-        folder: Of the run.
-        target: The file, with the ending .vtu.
-        side: The strand seen from its side.
-        every: Distance of the rows of cells along the strand, at most, m.
+        folder: Folder of the run.
+        target: Output file, with the ending .vtu.
+        side: Side view of the strand.
+        every: Largest distance between the rows of cells along the strand, m.
 
     Returns:
-        Number of points and of cells.
+        Numbers of points and cells.
 
     Raises:
-        InputError: The run has not written two slices one below the other.
+        InputError: The run has not written slices at two positions.
         RunFailure: The file cannot be written.
     """
     with Fields(folder) as fields:
         times = np.flatnonzero(np.diff(fields.positions, prepend=-1.0) > 0.0)
         if len(times) < 2:
-            raise InputError(f"{folder}: has {len(times)} slices on its way; two are needed")
+            raise InputError(f"{folder}: has {len(times)} slices; two are needed")
         slices = fields.positions[times]
         maps = SurfaceMaps(folder) if SurfaceMaps.exist(folder) else None
         rows = between(slices, every)
@@ -69,17 +69,17 @@ def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[
 def write_stack(
     target: Path, points: Array, cells: Indices, cell: str, data: Mapping[str, Array]
 ) -> tuple[int, int]:
-    """Write slices one below the other as an unstructured grid of VTK.
+    """Write a stack of slices as a VTK unstructured grid.
 
     Args:
-        target: The file.
-        points: Of the slices (rows, n, 3), m.
-        cells: Of one slice (m, k), by its points in VTK's order.
+        target: Output file.
+        points: Points of the slices (rows, n, 3), m.
+        cells: Cells of one slice (m, k) in VTK node order.
         cell: "triangle" or "quadrilateral".
         data: Values at the points, (rows * n, ...) or (rows, n).
 
     Returns:
-        Number of points and of cells.
+        Numbers of points and cells.
 
     Raises:
         RunFailure: The file cannot be written.
@@ -102,7 +102,7 @@ def write_stack(
 
 
 def between(slices: Array, every: float) -> Array:
-    """Positions of rows (rows,), m: those of the slices, and between them none farther apart."""
+    """Positions of the rows (rows,), m: slices, and between them at most `every` apart."""
     found = [slices[:1]]
     for before, after in pairwise(slices):
         count = max(1, int(np.ceil((after - before) / every - 1e-9)))
@@ -111,7 +111,7 @@ def between(slices: Array, every: float) -> Array:
 
 
 def peaks(maps: SurfaceMaps, rows: Array) -> Array:
-    """Positions beside those of the rows at which what the maps have is largest (n,), m."""
+    """Positions of the largest values of the maps, where no row is near (n,), m."""
     onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
     found = []
     for name in _indexes(maps):
@@ -122,14 +122,14 @@ def peaks(maps: SurfaceMaps, rows: Array) -> Array:
 
 
 def _indexes(maps: SurfaceMaps) -> list[str]:
-    """What the maps have that the fields lack."""
+    """Names of maps without a field."""
     return [name for name in maps.names() if name != "temperature"]
 
 
 def stacked(cells: Indices, nodes: int, rows: int) -> Indices:
     """Cells of a stack (n, 2 k) from those of a section (m, k): each row joined to the next.
 
-    The first face of VTK's hexahedron looks into it, that of its wedge out of it.
+    The first face of a VTK hexahedron has its normal into the cell, that of a wedge out of it.
     """
     cells = cells[:, ::-1] if cells.shape[1] == CORNERS["triangle"] else cells
     starts = nodes * np.arange(rows - 1)[:, None, None]
@@ -161,7 +161,7 @@ def _fields(
 
 
 def _mapped(maps: SurfaceMaps, nodes: Indices, rows: Array) -> dict[str, Array]:
-    """What the maps have of all points, by name; NaN inside, and below where the maps end."""
+    """Values of the maps at all points, by name; NaN inside, and below the end of the maps."""
     found: dict[str, Array] = {}
     at = np.searchsorted(nodes, maps.heading.line.nodes)
     onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
@@ -173,7 +173,7 @@ def _mapped(maps: SurfaceMaps, nodes: Indices, rows: Array) -> dict[str, Array]:
 
 
 def at_rows(rows: Array, position: Array, values: Array) -> Array:
-    """Values (k, ...) at positions, straight between them, at the rows (rows, ...)."""
+    """Interpolate values (k, ...) linearly from their positions to the rows (rows, ...)."""
     upper = np.clip(np.searchsorted(position, rows, side="left"), 1, len(position) - 1)
     share = (rows - position[upper - 1]) / (position[upper] - position[upper - 1])
     share = np.clip(share, 0.0, 1.0).reshape(-1, *(1,) * (values.ndim - 1))

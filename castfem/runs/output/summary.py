@@ -1,4 +1,4 @@
-"""summary.json: the results of a run in numbers, beside what others have found.
+"""summary.json: the results of a run as numbers, with reference numbers.
 
     {"title": ..., "status": "finished" | "failed" | "interrupted",
      "quantities": {NAME: {"value": 4.75, "unit": "mm", "label": "shell, mid-face"}, ...},
@@ -12,17 +12,16 @@
      "warnings": ["the heat balance does not close: ...", ...],
      "errors_at": {"0.6": {NAME: 0.08e-3, ...}, ...}}
 
-`error`, of a case of which `castfem error` has told it, stands beside a quantity's value in the
-same unit (K for temperatures); `errors_at` has those at places on the way (m below the meniscus),
-in SI. In the file each value is in the unit beside it. In Python `value`
-and `unit` are SI, `shown` and `shown_unit` what the file has. Zones, `at` (null: the end of the
-run) and `mould_exit` (null: there is no mould) are in metres below the meniscus. A value that does
-not exist is null there, NaN here.
-The difference of two temperatures is in K and has no relative size: where the zero of a scale lies
-is a convention. `met` tells whether a bound holds, of a value it is null. Where keys of the case
-were `changed` since a reference was written it is a number of the unchanged case, and no difference
-is taken. Summaries without `kind` were written when all references were values; their `note` is
-what is now in `missing`.
+A quantity whose error `castfem error` has computed has an `error` in the same unit (K for
+temperatures); `errors_at` has the errors at positions along the strand (m below the meniscus), in
+SI. In the file each value is in the unit beside it. In Python `value` and `unit` are SI, `shown`
+and `shown_unit` as in the file. Zones, `at` (null: the end of the run) and `mould_exit` (null: no
+mould) are in metres below the meniscus. A missing value is null in the file, NaN in Python. The
+difference of two temperatures is in K and has no relative value, since the zero of the scale is a
+convention. `met` tells whether a bound holds; it is null for a value. If keys of the case were
+`changed` after a reference was written, it belongs to the unchanged case, and no difference is
+given. Summaries without `kind` were written when all references were values; their `note` is what
+is now `missing`.
 """
 
 from __future__ import annotations
@@ -56,34 +55,35 @@ RENAMED = {
     "intervals not settled": "coupling windows not converged",
     "march": "time loop",
 }
-"""Counts and stages by the names they have in older result folders, and those of today."""
+"""Counts and stages: names in older result folders, and present names."""
 
 CUT = "coupling windows cut for their error"
-"""One of the counts of a run's steps."""
+"""One of the counts of steps."""
 
 
 def renamed(entries: Mapping[str, Any]) -> dict[str, Any]:
-    """Counts or stages of a file, old names replaced by the current ones."""
+    """Replace old names of counts or stages by the present ones."""
     return {RENAMED.get(name, name): value for name, value in entries.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A number to compare with."""
+    """A reference number."""
 
-    quantity: str  #: name of ours
+    quantity: str  #: name of the computed quantity
     value: float  #: in SI
-    shown_unit: str  #: in which it is shown, "-" for none
-    source: str  #: who has found it
-    at: float | None = None  #: where it holds, below the meniscus [m]; None at the end of the run
-    kind: Kind = "value"  #: what it says of ours: its value, or a bound
-    note: str = ""  #: what a reader must know of it
-    #: keys of the case that were changed since: it is a number of the unchanged case
+    shown_unit: str  #: unit in which it is shown, "-" for none
+    source: str  #: where the number comes from
+    #: position at which it holds, below the meniscus [m]; None at the end of the run
+    at: float | None = None
+    kind: Kind = "value"  #: whether it is a value or a bound
+    note: str = ""  #: remark for the reader
+    #: keys of the case changed since then: the number belongs to the unchanged case
     changed: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, given: GivenReference, at: float | None = None) -> Reference:
-        """That of a case, where it holds."""
+        """Make the reference of a case, at a position."""
         return cls(
             given.quantity, given.si, given.unit or "-", given.source, at, given.kind, given.note,
             given.changed or (),
@@ -91,21 +91,21 @@ class Reference:
 
     @property
     def unit(self) -> str:
-        """The unit of `value`, in SI; "-" for none."""
+        """SI unit of `value`; "-" for none."""
         return si_shown(self.shown_unit)
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A reference and what we have found."""
+    """A reference and the computed value."""
 
-    reference: Reference  #: the number to compare with
-    ours: float = math.nan  #: in SI; NaN when there is none
+    reference: Reference  #: the reference number
+    ours: float = math.nan  #: computed value in SI; NaN if there is none
     missing: str = ""  #: why there is nothing to compare
 
     @property
     def difference(self) -> float:
-        """Ours less theirs, in SI; NaN where theirs is a number of the unchanged case."""
+        """Computed minus reference value, in SI; NaN for a reference of the unchanged case."""
         return math.nan if self.reference.changed else self.ours - self.reference.value
 
     @property
@@ -115,7 +115,7 @@ class Comparison:
 
     @property
     def relative(self) -> float:
-        """The difference as a fraction of theirs; NaN for temperatures and for a zero."""
+        """The difference relative to the reference; NaN for temperatures and for a zero."""
         theirs = self.reference.value
         if self.reference.unit == "K" or theirs == 0:
             return math.nan
@@ -123,7 +123,7 @@ class Comparison:
 
     @property
     def met(self) -> bool | None:
-        """Whether ours keeps to a bound; None of a value, of the unchanged case, without ours."""
+        """Whether a bound holds; None for a value, a changed case, or without computed value."""
         if self.reference.changed:
             return None
         return met(self.ours, self.reference.value, self.reference.kind)
@@ -135,8 +135,8 @@ class Zone:
 
     name: str  #: of the zone
     start: float  #: where it begins
-    end: float  #: where it ends, or the run within it
-    whole: bool = True  #: whether it is the zone that ends there
+    end: float  #: its end, or the end of the run within it
+    whole: bool = True  #: whether the zone itself ends there
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,34 +145,33 @@ class Summary:
 
     title: str  #: of the case
     status: str  #: "finished", "failed" or "interrupted"
-    #: name to result; `solidus` and `liquidus` of the steel are among them
+    #: results by name, including `solidus` and `liquidus` of the steel
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
-    references: tuple[Comparison, ...] = ()  #: comparisons, from `compare`
-    #: name of what is conserved to its terms
+    references: tuple[Comparison, ...] = ()  #: comparisons from `compare`
+    #: terms of each balance, by the name of the conserved quantity
     balances: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
-    steps: Mapping[str, float] = field(default_factory=dict)  #: counts and sizes [s] of the steps
-    wall_time: Mapping[str, float] = field(default_factory=dict)  #: stage to seconds
-    zones: tuple[Zone, ...] = ()  #: the cooling, in casting order
-    #: where the mould ends, below the meniscus [m], though the run may end before; None if there is
-    #: no mould
+    steps: Mapping[str, float] = field(default_factory=dict)  #: numbers and sizes [s] of the steps
+    wall_time: Mapping[str, float] = field(default_factory=dict)  #: seconds by stage
+    zones: tuple[Zone, ...] = ()  #: the cooling zones, in casting order
+    #: end of the mould below the meniscus [m], even if the run ends above it; None without a mould
     mould_exit: float | None = None
-    #: data of steel, law and cooling that the run used and that are from memory of their source
-    #: (status M), each with the source
+    #: data of steel, law and cooling used in the run that are quoted from memory (status M), each
+    #: with its source
     unchecked: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()  #: what is not right in a run that has finished, a line each
-    #: errors on the way, in SI (K of temperatures), by position [m] and name
+    warnings: tuple[str, ...] = ()  #: warnings about a finished run, one line each
+    #: errors at positions along the strand, in SI (K for temperatures), by position [m] and name
     errors_at: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def ends_below_mould(self) -> bool:
-        """Whether the run has gone on below the end of a mould."""
+        """Whether the run has passed the end of a mould."""
         end = self.quantities.get("position")
         if end is None or self.mould_exit is None:
             return False
         return end.value > self.mould_exit * (1 + ROUNDING)
 
     def errors_near(self, position: float) -> Mapping[str, float]:
-        """The errors that are known at a position (m), by name; none where none was asked for."""
+        """Errors at a position (m), by name; empty where they were not computed."""
         for place, errors in self.errors_at.items():
             if math.isclose(place, position, rel_tol=1e-6):
                 return errors
@@ -204,10 +203,10 @@ class Summary:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Summary:
-        """The inverse of `to_json`.
+        """Inverse of `to_json`.
 
         Raises:
-            KeyError, TypeError, ValueError: It is not such a content.
+            KeyError, TypeError, ValueError: The content is not that of a summary.
         """
         return cls(
             title=content["title"],
@@ -229,7 +228,7 @@ class Summary:
 
     @classmethod
     def load(cls, folder: Path | str) -> Summary | None:
-        """Reads summary.json; None if the folder has none yet."""
+        """Read summary.json; None if the folder has none yet."""
         path = Path(folder) / SUMMARY_NAME
         if not path.is_file():
             return None
@@ -242,10 +241,10 @@ class Summary:
 def compare(
     references: Iterable[Reference], quantities: Mapping[str, Quantity]
 ) -> tuple[Comparison, ...]:
-    """Finds our value of each reference.
+    """Look up the computed value of each reference.
 
-    A name we have no quantity for, or one of another dimension, gives a comparison that tells what
-    is missing: a run that has ended is not thrown away for it.
+    A reference to an unknown quantity, or one of another dimension, gives a comparison that says
+    what is missing: a finished run is not discarded for it.
     """
     found = []
     for reference in references:
@@ -262,7 +261,7 @@ def compare(
 
 
 def met(ours: float, theirs: float, kind: Kind) -> bool | None:
-    """Whether a value keeps to a bound, both in SI; None if it is none, or one is not known."""
+    """Whether a value satisfies a bound, both in SI; None for a value or if one is unknown."""
     if kind == "value" or not (math.isfinite(ours) and math.isfinite(theirs)):
         return None
     excess = ours - theirs if kind == "at_most" else theirs - ours
@@ -308,7 +307,7 @@ def _comparison(content: Mapping[str, Any]) -> Comparison:
     if missing is None:
         note, missing = "", note
     if kind not in SIGNS:
-        raise ValueError(f"no kind of reference: {kind}")
+        raise ValueError(f"unknown kind of reference: {kind}")
     changed = tuple(content.get("changed", ()))
     reference = Reference(
         content["quantity"], value, unit, content["source"], content.get("at"), kind, note, changed

@@ -1,13 +1,12 @@
-"""What the surface of the strand goes through, unrolled: way round the section x way down.
+"""Maps of the surface of the strand: length round the section by position along the strand.
 
     surface_maps.h5      of a run that has ended, by whatever cause
     surface_maps.rows    of one that is at work, or was killed
 
-During the run each step adds a row to surface_maps.rows, in one piece like a row of history.csv; in
-the end all rows are put into surface_maps.h5, which is written whole. What is followed over the
-depth below the surface, criteria of hot tearing, stands in depth_maps.h5 in the same way; there a
-line into the section stands for a face, the depth for the way round it, and the brittle range for
-the band:
+During the run each step appends a row to surface_maps.rows, in one piece like a row of history.csv;
+at the end all rows are written to surface_maps.h5. Hot tearing criteria over the depth below the
+surface are in depth_maps.h5 in the same format, with a line into the section in place of a face,
+the depth in place of the length round the section, and the brittle range in place of the band:
 
     /                    attributes: format, version, band [K]
     /heading             vertices, maps and rolls as JSON
@@ -43,32 +42,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SurfaceLine:
-    """The vertices of the surface in their order, counterclockwise.
+    """The vertices of the surface in counterclockwise order.
 
-    The line begins where the surface of what is modelled begins: of half a slab at mid-width of the
-    extrados, and it goes round the narrow face to mid-width of the intrados.
+    The line begins where the modelled surface begins: for half a slab at mid-width of the extrados,
+    from where it goes round the narrow face to mid-width of the intrados.
     """
 
-    nodes: Indices  #: of the section's mesh (n,)
+    nodes: Indices  #: nodes of the section's mesh (n,)
     place: Array  #: x and y (n, 2), m
-    way: Array  #: length of surface from the beginning (n,), m
+    way: Array  #: length of surface from the start (n,), m
     faces: tuple[str, ...]  #: names of the faces
-    face: Indices  #: which of them each vertex lies on (n,); a corner counts to its wide face
-    #: distance along the surface from the nearest corner (n,), m; 0 on an arc that is one, inf in a
-    #: section without corners
+    face: Indices  #: index of the face of each vertex (n,); a corner belongs to its wide face
+    #: distance along the surface from the nearest corner (n,), m; 0 on the arc of a corner, inf in
+    #: a section without corners
     corner: Array
-    closed: bool  #: whether the last vertex stands beside the first
+    closed: bool  #: whether the last vertex is next to the first
 
     @classmethod
     def of(cls, mesh: SectionMesh) -> SurfaceLine:
-        """The surface of a mesh; lines of symmetry are no part of it."""
+        """The surface of a mesh, without lines of symmetry."""
         outer = [i for i, name in enumerate(mesh.groups) if name in mesh.outer_groups]
         kept = np.isin(mesh.facet_group, outer)
         facets, group = mesh.facets[kept], mesh.facet_group[kept]
         after = {int(a): (int(b), int(g)) for (a, b), g in zip(facets, group, strict=True)}
         heads = after.keys() - {b for b, _ in after.values()}
         size = float(np.ptp(mesh.points, axis=0).max())
-        # The lowest, of these the nearest to the middle; rounding does not choose.
+        # The lowest vertex, of several the nearest to the middle, independent of rounding.
         ranks = np.round(mesh.points[:, :2] / (ROUNDING * size))
         first = min(heads or after, key=lambda n: (ranks[n, 1], abs(ranks[n, 0])))
         nodes, groups = [first], []
@@ -85,7 +84,7 @@ class SurfaceLine:
     def _along(
         cls, mesh: SectionMesh, nodes: Indices, groups: Indices, closed: bool
     ) -> SurfaceLine:
-        """The line through nodes, between each of which and the next lies a facet of a group."""
+        """The line through nodes; neighbours are joined by a facet of one of the groups."""
         names = [face_name(name) for name in mesh.groups]
         place = np.asarray(mesh.points[nodes, :2], float)
         ends = np.concatenate([place, place[:1]]) if closed else place
@@ -105,11 +104,11 @@ class SurfaceLine:
         return cls(nodes, place, way[: len(nodes)], faces, face, corner, closed)
 
     def at(self, x: float, y: float) -> int:
-        """The vertex nearest to a place, m."""
+        """Index of the vertex nearest to a point, m."""
         return int(np.argmin(np.hypot(*(self.place - (x, y)).T)))
 
     def depth(self, x: float, y: float) -> float:
-        """Distance of a place from the surface, m."""
+        """Distance of a point from the surface, m."""
         ends = np.concatenate([self.place, self.place[:1]]) if self.closed else self.place
         start, along = ends[:-1], np.diff(ends, axis=0)
         off = np.array([x, y]) - start
@@ -118,7 +117,7 @@ class SurfaceLine:
         return 0.0 if found <= ROUNDING * float(np.ptp(self.place, axis=0).max()) else found
 
     def words(self, vertex: int) -> str:
-        """Where a vertex lies: "intrados, 20 mm from the corner"."""
+        """Description of the position of a vertex: "intrados, 20 mm from the corner"."""
         face, off = self.faces[self.face[vertex]], float(self.corner[vertex])
         size = float(np.ptp(self.place, axis=0).max())
         if not np.isfinite(off):
@@ -129,13 +128,13 @@ class SurfaceLine:
         return f"{face}, {1e3 * off:.3g} mm from the corner"
 
     def stored(self) -> dict[str, Any]:
-        """The line as JSON has it."""
+        """The line in JSON types."""
         found = asdict(self)
         return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in found.items()}
 
     @classmethod
     def restored(cls, stored: Mapping[str, Any]) -> SurfaceLine:
-        """The inverse of `stored`."""
+        """Inverse of `stored`."""
         nodes, face = (np.array(stored[k], dtype=np.int64) for k in ("nodes", "face"))
         place, way, corner = (np.array(stored[k], dtype=float) for k in ("place", "way", "corner"))
         faces, closed = tuple(stored["faces"]), bool(stored["closed"])
@@ -143,7 +142,7 @@ class SurfaceLine:
 
 
 def face_name(group: str) -> str:
-    """The face of a boundary group: a corner counts to its wide face, which is bent as a whole."""
+    """Face of a boundary group: a corner belongs to its wide face, with which it is bent."""
     if not group.startswith("narrow"):
         for face in ("intrados", "extrados"):
             if face in group.split("_"):
@@ -155,53 +154,54 @@ FORMAT = "castfem surface maps"
 VERSION = 1
 IN_BAND = "in_band"
 SURFACE, DEPTHS = (MAPS_NAME, ROWS_NAME), (DEPTHS_NAME, DEPTH_ROWS_NAME)
-"""Names of the file of a run that has ended, and of one at work."""
+"""Names of the files of a finished run, and of a running one."""
 _ANEW = "run again without --resume"
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceMap:
-    """One quantity over the surface."""
+    """A quantity mapped over the surface."""
 
-    name: str  #: of the map
+    name: str  #: name of the map
     unit: str  #: SI
     shown: str  #: unit in which it is shown
-    label: str  #: for a reader
+    label: str  #: label for tables and plots
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """What holds for all rows."""
+    """Data that all rows have in common."""
 
     line: SurfaceLine  #: the vertices
-    maps: tuple[SurfaceMap, ...]  #: what each row has, in this order
-    band: tuple[float, float]  #: temperatures of the low-ductility band, K
-    #: columns of the rolls (`castfem.physics.machine.stations.Stations.columns`); None without any
+    maps: tuple[SurfaceMap, ...]  #: the maps, in the order of a row
+    band: tuple[float, float]  #: temperature range of low ductility, K
+    #: columns of the rolls (`castfem.physics.machine.stations.Stations.columns`); None without
+    #: rolls
     rolls: Mapping[str, Any] | None = None
-    thickness: float | None = None  #: of the section, m; None of one without
-    mould_exit: float | None = None  #: m; None without a mould
+    thickness: float | None = None  #: thickness of the section, m; None if it has none
+    mould_exit: float | None = None  #: end of the mould, m; None without a mould
 
     @property
     def row(self) -> np.dtype[Any]:
-        """Of what a row consists."""
+        """Data type of a row."""
         values = ("<f4", (len(self.maps), len(self.line.nodes)))
         return np.dtype([("time", "<f8"), ("position", "<f8"), ("values", *values)])
 
     def text(self) -> str:
-        """One line that reads back to the same."""
+        """The heading as one line of text, for `read`."""
         maps = [[m.name, m.unit, m.shown, m.label] for m in self.maps]
         content = {"format": FORMAT, "version": VERSION, "line": self.line.stored(), "maps": maps}
         facts = {"band": list(self.band), **self.caster()}
         return json.dumps(content | facts) + "\n"
 
     def caster(self) -> dict[str, Any]:
-        """What is known of the caster, as JSON has it."""
+        """Data of the caster in JSON types."""
         rolls = None if self.rolls is None else dict(self.rolls)
         return {"rolls": rolls, "thickness": self.thickness, "mould_exit": self.mould_exit}
 
     @classmethod
     def read(cls, text: str) -> Heading:
-        """The inverse of `text`."""
+        """Inverse of `text`."""
         found = json.loads(text)
         if not isinstance(found, dict) or found.get("format") != FORMAT:
             raise ValueError("not written by castfem")
@@ -213,7 +213,7 @@ class Heading:
 
 
 class MapWriter(Closing):
-    """Adds a row a step; keeps one file open."""
+    """Appends one row per step; keeps one file open."""
 
     def __init__(
         self,
@@ -232,30 +232,30 @@ class MapWriter(Closing):
     def resume(
         cls, folder: Path, heading: Heading, rows: int, names: tuple[str, str] = SURFACE
     ) -> MapWriter:
-        """Goes on with the maps of an earlier run behind so many rows."""
+        """Continue the maps of an earlier run after a number of rows."""
         there, found = _read(folder, names)
         path = folder / names[(folder / names[1]).is_file()]
         if there.text() != heading.text():
-            raise InputError(f"{path}: holds other maps than this run writes; {_ANEW}")
+            raise InputError(f"{path}: has maps that differ from those of this run; {_ANEW}")
         if len(found) < rows:
             raise InputError(
                 f"{path}: has {len(found)} rows of {rows} that were written: it has been changed; "
-                f"put the file back as it was, or {_ANEW}"
+                f"restore the file, or {_ANEW}"
             )
         return cls(folder, heading, found[:rows].tobytes(), names)
 
     def append(self, time: float, position: float, values: Array) -> None:
-        """Adds a row."""
+        """Append a row."""
         row = np.zeros(1, self._heading.row)
         row["time"], row["position"], row["values"] = time, position, values
         self._file.append(row.tobytes())
 
     def sync(self) -> None:
-        """Forces the rows to disk."""
+        """Flush the rows to disk."""
         self._file.sync()
 
     def close(self) -> None:
-        """Puts all rows into the file of a run that has ended; nothing is lost without it."""
+        """Write all rows to the file of a finished run; without it nothing is lost."""
         if not self._file.is_open:
             return
         self._file.close()
@@ -267,7 +267,7 @@ class MapWriter(Closing):
 
 
 class SurfaceMaps:
-    """The maps of a run, also of one that is at work or was killed.
+    """The maps of a run, also of a running or killed one.
 
     Attributes:
         heading: Vertices, names and units, band, rolls.
@@ -285,7 +285,7 @@ class SurfaceMaps:
         return any((folder / name).is_file() for name in names)
 
     def names(self) -> tuple[str, ...]:
-        """Of the maps."""
+        """Names of the maps."""
         return tuple(one.name for one in self.heading.maps)
 
     def __getitem__(self, name: str) -> Array:
@@ -298,7 +298,7 @@ class SurfaceMaps:
 
 
 def _read(folder: Path, names: tuple[str, str]) -> tuple[Heading, np.ndarray[Any, Any]]:
-    """Heading and rows, whichever file has them; a row that a kill cut off is left out."""
+    """Heading and rows from whichever file exists; an incomplete last row is dropped."""
     path = folder / names[1]
     try:
         if path.is_file():

@@ -1,16 +1,16 @@
-"""Fields over time in fields.xdmf, for ParaView, VisIt and meshio; the numbers are in HDF5 files.
+"""Writes fields over time to fields.xdmf, for ParaView, VisIt and meshio; values are in HDF5 files.
 
-The XDMF holds one temporal collection and in it one grid a time, each with all its fields, so that
-colouring, Warp By Vector and Plot Over Line work without merging anything; an Information element
-of each grid names the units of its fields. Where the numbers are,
-and why a kill cannot harm them, is said in `castfem.runs.output.field_files`.
+The XDMF has one temporal collection with one grid per time that contains all fields, so that
+colouring, Warp By Vector and Plot Over Line work without merging; an Information element of each
+grid names the units of its fields. `castfem.runs.output.field_files` explains where the values are,
+and why a kill cannot damage them.
 
-Values are single precision unless asked for: it resolves 1e-4 K at casting temperature and 10 Pa in
-100 MPa, halves the files, and a run is restarted from checkpoint.h5, never from here. Points, times
-and positions are double.
+Values are in single precision by default: this resolves 1e-4 K at casting temperature and 10 Pa in
+100 MPa, and halves the files; runs are restarted from checkpoint.h5, not from here. Points, times
+and positions are in double precision.
 
-Each write puts the numbers on disk before the XDMF names them, and the XDMF is replaced in one
-step: it may be opened at any moment, during the run and after a kill.
+Each write stores the values before the XDMF names them, and the XDMF is replaced atomically: it may
+be opened at any moment, during the run and after a kill.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ _ANEW = "run again without --resume"
 
 
 class FieldWriter(Closing):
-    """Appends the fields of one time after another to fields.xdmf; keeps no file open.
+    """Appends the fields at successive times to fields.xdmf; keeps no file open.
 
     Attributes:
-        times: Written so far [s].
+        times: Times written so far [s].
     """
 
     _folder: Path
@@ -78,21 +78,21 @@ class FieldWriter(Closing):
         dtype: DTypeLike = np.float32,
         attributes: Mapping[str, float | str] | None = None,
     ) -> None:
-        """Begins anew.
+        """Start new files.
 
         Args:
-            folder: Where the files go; it exists.
+            folder: Existing output folder.
             points: (n, 2) or (n, 3) coordinates of the nodes [m].
             cells: (m, k) nodes of the cells in DOLFINx order.
             cell: "triangle" or "quadrilateral".
-            order: 1 or 2, of the geometry.
-            dtype: float32 or float64, of the values.
-            attributes: What a reader of the fields alone should know: solidus, liquidus [K],
-                symmetry ("quarter", "half", "whole").
+            order: Geometric order of the cells, 1 or 2.
+            dtype: Type of the values, float32 or float64.
+            attributes: Facts for readers of the fields: solidus, liquidus [K], symmetry ("quarter",
+                "half", "whole").
 
         Raises:
-            RunFailure: They cannot be written.
-            ValueError: The mesh is no mesh.
+            RunFailure: The files cannot be written.
+            ValueError: The mesh is invalid.
         """
         corners = np.asarray(points, dtype=np.float64)
         if corners.ndim != 2 or corners.shape[1] not in (2, 3):
@@ -114,7 +114,7 @@ class FieldWriter(Closing):
     def resume(
         cls, folder: Path | str, time: float, names: Iterable[str] | None = None
     ) -> FieldWriter:
-        """Goes on with the files of an earlier run and drops what was written after `time` [s]."""
+        """Continue the files of an earlier run; drop what was written after `time` [s]."""
         path = Path(folder) / HDF5_NAME
         if not path.is_file():
             raise InputError(
@@ -140,7 +140,7 @@ class FieldWriter(Closing):
 
     @property
     def times(self) -> list[float]:
-        """Written so far [s]."""
+        """Times written so far [s]."""
         return [step.time for step in self._steps]
 
     def write(
@@ -150,17 +150,17 @@ class FieldWriter(Closing):
         point_fields: Mapping[str, ArrayLike] | None = None,
         cell_fields: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        """Appends one time; when it returns, it is complete on disk.
+        """Append one time; on return it is complete on disk.
 
         Args:
-            time: Since the meniscus [s], later than the last.
-            position: Below the meniscus [m].
-            point_fields: Name to values at the nodes, shapes as in `components`.
-            cell_fields: Name to values in the cells. Both name the same fields at every time.
+            time: Time since the meniscus [s], later than the last.
+            position: Position below the meniscus [m].
+            point_fields: Values at the nodes by name, shapes as in `components`.
+            cell_fields: Values in the cells by name. The names must be the same at every time.
 
         Raises:
-            RunFailure: They cannot be written; the times before are still there.
-            ValueError: Another set of fields than before, a wrong shape, or not a later time.
+            RunFailure: The files cannot be written; the previous times are still there.
+            ValueError: The set of fields differs, a shape is wrong, or the time is not later.
         """
         last = self._steps[-1] if self._steps else None
         if last is not None and not time > last.time:
@@ -180,7 +180,7 @@ class FieldWriter(Closing):
         self._xdmf.publish()
 
     def close(self) -> None:
-        """Gathers all times in fields.h5; nothing is lost without it, nor if it fails."""
+        """Gather all times in fields.h5; nothing is lost if this is omitted or fails."""
         try:
             if any(step.single for step in self._steps):
                 self._gather()
@@ -189,8 +189,8 @@ class FieldWriter(Closing):
         self._xdmf.close()
 
     def _drop(self, everything: list[Step], kept: list[Step]) -> None:
-        """Keeps some times and removes the others from the disk."""
-        self._name_all(kept)  # before the numbers go: it never names what is gone
+        """Keep some times and remove the others from disk."""
+        self._name_all(kept)  # before the values are removed: it never names missing ones
         field_files.remove_singles(self._folder, keep=kept)
         if any(not step.single for step in set(everything) - set(kept)):
             self._gather()
@@ -202,7 +202,7 @@ class FieldWriter(Closing):
         field_files.remove_singles(self._folder)
 
     def _name_all(self, steps: list[Step]) -> None:
-        """Rewrite the XDMF file for these times; remove it if there are none: few can read it."""
+        """Rewrite the XDMF file for these times; remove it if there are none."""
         path = self._folder / XDMF_NAME
         self._xdmf = GrowingFile(path, _HEAD, _FOOT)
         self._steps = []
@@ -215,7 +215,7 @@ class FieldWriter(Closing):
                 path.unlink(missing_ok=True)
 
     def _read_mesh_facts(self, file: h5py.File) -> None:
-        """What is constant in every grid: its mesh as XDMF, the rows and type of its fields."""
+        """Read what is the same in all grids: the mesh as XDMF, rows and type of fields."""
         nodes = file["mesh/points"].shape[0]
         count, width = file["mesh/cells"].shape
         topology = _TOPOLOGY[file.attrs["cell"], int(file.attrs["order"])]
@@ -236,7 +236,7 @@ class FieldWriter(Closing):
     def _prepare(
         self, centre: str, fields: Mapping[str, ArrayLike]
     ) -> dict[str, tuple[str, NDArray[Any]]]:
-        """The fields of one centre in the shape and type they are written in."""
+        """Convert the fields of one centre to the written shape and type."""
         prepared = {}
         for name, values in fields.items():
             if not name or set(name) & set("/:.\\"):
@@ -273,7 +273,7 @@ def _width(values: NDArray[Any] | h5py.Dataset) -> int:
 
 
 def _item(file: str, path: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> str:
-    """The XDMF of one array in an HDF5 file."""
+    """XDMF element of an array in an HDF5 file."""
     number = "Int" if dtype.kind == "i" else "Float"
     return (
         f'<DataItem Dimensions="{" ".join(map(str, shape))}" NumberType="{number}" '

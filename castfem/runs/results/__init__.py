@@ -1,1 +1,1 @@
-"""What is read off a slice, and what of it is reported."""
+"""Results of a run: what is evaluated of a slice, and how it is reported."""

@@ -1,4 +1,4 @@
-"""How far a run is off the closed form that its case names ([verification])."""
+"""Results of a run with [verification]: its errors against the closed form."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _exact(sample: Sample) -> ClosedForm:
 
 
 def _temperature_off(sample: Sample) -> tuple[Array, Array]:
-    """Temperature less that of the closed form at the own vertices that have frozen, and area."""
+    """Error of the temperature at this rank's frozen vertices, and their areas."""
     exact, section, time = _exact(sample), sample.simulation.section, sample.time
     depth = section.vertex_space.tabulate_dof_coordinates()[: section.owned, 0]
     ours = sample.state.thermal.point.temperature[: section.owned]
@@ -34,7 +34,7 @@ def _temperature_off(sample: Sample) -> tuple[Array, Array]:
 quantity(
     "error_temperature", "mK", "temperature off the closed form, rms of what has frozen",
     column=False, needs=("closed_form",),
-    says="Root mean square over what has frozen of the temperature less that of the closed form.",
+    says="Root mean square error of the temperature over the frozen part, against the closed form.",
 )(
     lambda sample: _rms(sample, *_temperature_off(sample)) if sample.time > 0.0 else None
 )  # fmt: skip
@@ -45,7 +45,7 @@ quantity(
     column=False, needs=("closed_form",),
 )  # fmt: skip
 def error_temperature_max(sample: Sample) -> float | None:
-    """The largest at a vertex that has frozen."""
+    """Largest error of the temperature at a frozen vertex."""
     if not sample.time > 0.0:
         return None
     from castfem.fem import reductions
@@ -60,7 +60,7 @@ def error_temperature_max(sample: Sample) -> float | None:
     needs=("mechanics", "closed_form"),
 )  # fmt: skip
 def error_stress(sample: Sample) -> float | None:
-    """Root mean square over the shell of the axial stress less that of the closed form."""
+    """Root mean square error of the axial stress over the shell."""
     exact, strained, time = _exact(sample), sample.simulation.strained, sample.time
     if exact.stress is None or exact.shell is None or strained is None or not time > 0.0:
         return None
@@ -74,7 +74,7 @@ def error_stress(sample: Sample) -> float | None:
 
 
 def _rms(sample: Sample, off: npt.NDArray[Any], weight: npt.NDArray[Any]) -> float:
-    """Weighted root mean square over the ranks; NaN where there is nothing."""
+    """Weighted root mean square over the ranks; NaN without values."""
     from castfem.fem import reductions
 
     sums = np.array([weight @ off**2, weight.sum()])

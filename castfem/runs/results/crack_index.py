@@ -1,17 +1,17 @@
-"""The registry of crack indexes: where on its way the strand may crack, each declared once.
+"""Registry of crack indexes: where along its way the strand may crack; each is declared once.
 
     @crack_index("tension", unit="MPa", label="axial tension", needs=("mechanics",))
     def tension(step: SliceStep) -> Array:
         '''Axial tension, whatever the temperature.'''
         return np.maximum(step.axial_stress, 0.0)
 
-is all that an index takes. A case with the table [quality] then computes it after each step at all
-vertices; its largest value is a column of history.csv (`tension_max`), the largest on the way a
-result with its place, roll and time (`way_tension_max`; where a machine bends the strand of bending
-and straightening, too), and what lies on the surface is a map in
-surface_maps.h5, in a figure and in the tables of `castfem show`.  Values are in SI.
+is the complete definition of an index. A case with the table [quality] computes it after each step
+at all vertices. Its largest value is a column of history.csv (`tension_max`); the largest along the
+way is a result with its place, roll and time (`way_tension_max`; with a bending machine also those
+of bending and straightening). Its values on the surface are a map in surface_maps.h5, a figure and
+tables of `castfem show`. Values are in SI.
 
-An index that accumulates finds its own value before the step in `step.value`.
+An index that accumulates finds its value before the step in `step.value`.
 """
 
 from __future__ import annotations
@@ -33,53 +33,52 @@ if TYPE_CHECKING:
 
 Where = Literal["surface", "section"]
 BENDS = ("bending", "straightening")
-"""Phases of the strand's way in which the largest values of the indexes are results."""
+"""Phases of the strand for which the largest values of the indexes are results."""
 
 
 @dataclass(frozen=True, slots=True)
 class SliceStep:
-    """The slice before and after a step, at this rank's own vertices."""
+    """The slice before and after a step, at the vertices of this rank."""
 
     settings: Quality  #: the table [quality] of the case
-    steel: Steel  #: of the strand
-    duration: float  #: of the step, s; 0 at the meniscus
-    #: what the rates are means over: the step, or if that is a very short one, what was before it
-    #: as well, s
+    steel: Steel  #: steel of the strand
+    duration: float  #: duration of the step, s; 0 at the meniscus
+    #: averaging time of the rates, s: the step, or if that is very short also time before it
     rated: float
     place: Array  #: x and y (n, 2), m, of the undeformed section
     temperature: Array  #: after the step (n,), K
-    earlier: Array  #: before it
-    rated_from: Array  #: where `rated` begins
-    #: after the step (n,), Pa, positive in tension; recovered from the points as their mean around
-    #: each vertex, by area and nearness; zero without mechanics
+    earlier: Array  #: before the step
+    rated_from: Array  #: at the start of `rated`
+    #: after the step (n,), Pa, positive in tension; mean of the quadrature points around each
+    #: vertex, weighted by area and distance; zero without mechanics
     axial_stress: Array
     strain_rate: Array  #: axial, over `rated` (n,), 1/s: exact, from the motion of the planes
-    step_rate: Array  #: the same over the step
-    pitch_rate: Array  #: axial, mean over the last pitch of rolls (n,), 1/s
-    value: Array  #: of the index before the step (n,); zero at the meniscus
-    #: temperatures between which the solid fraction lies in the brittle range, K
+    step_rate: Array  #: axial, over the step
+    pitch_rate: Array  #: axial, mean over the last roll pitch (n,), 1/s
+    value: Array  #: value of the index before the step (n,); zero at the meniscus
+    #: temperatures at the limits of the brittle range of solid fraction, K
     brittle: tuple[float, float]
-    #: what the criteria of hot tearing say; None in a case that names none
+    #: values of the hot tearing criteria; None if the case names none
     tearing: Tearing | None = None
 
     @property
     def in_band(self) -> Flags:
-        """Whether the temperature lies in the low-ductility band after the step (n,)."""
+        """Whether the temperature is in the low-ductility range after the step (n,)."""
         low, high = self.settings.band
         return np.asarray((self.temperature > low) & (self.temperature < high))
 
     @property
     def mechanical_rate(self) -> Array:
-        """Axial strain rate less that of thermal expansion (n,), 1/s."""
+        """Axial strain rate without thermal expansion (n,), 1/s."""
         return self._mechanical(self.strain_rate, self.rated_from, self.rated)
 
     @property
     def mechanical_strain(self) -> Array:
-        """Axial strain that the step adds, less that of thermal expansion (n,)."""
+        """Axial strain increment of the step without thermal expansion (n,)."""
         return self.duration * self._mechanical(self.step_rate, self.earlier, self.duration)
 
     def _mechanical(self, rate: Array, earlier: Array, duration: float) -> Array:
-        """An axial strain rate less that of thermal expansion since then (n,), 1/s."""
+        """Axial strain rate over a duration, without thermal expansion (n,), 1/s."""
         if not duration > 0.0:
             return np.zeros_like(rate)
         strain = self.steel.thermal_strain
@@ -87,8 +86,8 @@ class SliceStep:
         return np.asarray(rate - grown / duration)
 
     def share_within(self, low: float, high: float) -> Array:
-        """Share of the step in which the temperature lay within two (K), as a straight line."""
-        from castfem.physics.materials.hot_tearing import share_within  # of runs alone
+        """Fraction of the step with the temperature between two limits (K), linear in time."""
+        from castfem.physics.materials.hot_tearing import share_within  # only needed in runs
 
         return share_within(self.earlier, self.temperature, low, high)
 
@@ -102,31 +101,31 @@ def _nothing(step: SliceStep) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrackIndex:
-    """What a crack index is called, and how it is computed.
+    """Name and definition of a crack index.
 
-    As a decorator, `crack_index`, it declares a function: a map, columns and results.
+    As a decorator, `crack_index`, it declares a function as an index with a map, columns and
+    results.
     """
 
-    name: str = field(kw_only=False)  #: of the index and its map
-    unit: str = field(kw_only=False)  #: in which it is shown
-    label: str = field(kw_only=False)  #: in tables
-    #: what a simulation must have, of `castfem.runs.results.needs.NEEDS`
+    name: str = field(kw_only=False)  #: name of the index and its map
+    unit: str = field(kw_only=False)  #: unit in which it is shown
+    label: str = field(kw_only=False)  #: label in tables
+    #: what a simulation must have, from `castfem.runs.results.needs.NEEDS`
     needs: tuple[str, ...] = ()
-    #: where it counts: at the surface, or in the whole section; then it has no map
+    #: where it is evaluated: at the surface, or in the whole section, without a map
     on: Where = "surface"
-    accumulates: bool = False  #: whether it continues from its own values before the step
-    #: whether it is of what `tearing` has followed: such an index is differentiated, and has a map
-    #: over the depth
+    accumulates: bool = False  #: whether it continues from its values before the step
+    #: whether `tearing` provides it: such an index is differentiated, and has a map over the depth
     followed: bool = False
-    #: the function: its value in SI after a step for each vertex of the surface, or each point of
-    #: the section (n,)
+    #: the function: values in SI after a step for each vertex of the surface, or each point of the
+    #: section (n,)
     compute: Computed = _nothing
 
     def __call__(self, compute: Computed) -> Computed:
         """Declare a function.
 
         Raises:
-            ValueError: There is a quantity of that name, or something it needs is not known.
+            ValueError: A quantity has that name already, or one of `needs` is unknown.
         """
         name, unit, label = self.name, self.unit, self.label
 
@@ -143,9 +142,9 @@ class CrackIndex:
         where = "of the surface" if self.on == "surface" else "of the section"
         largest.__doc__ = f"{about} The largest {where} here."
         on_the_way.__doc__ = f"{about} The largest {where} from the meniscus to here."
-        # Where they stand in files and tables is that of the module that declares the index.
+        # Their place in files and tables is that of the module that declares the index.
         largest.__module__ = on_the_way.__module__ = compute.__module__
-        # A crack opens on the whole way: of mechanics that end above there is no index.
+        # A crack may open anywhere along the way, so mechanics that end earlier give no index.
         own = tuple("throughout" if need == "mechanics" else need for need in self.needs)
         together = (*own, "quality")
         quantity(f"{name}_max", unit=unit, label=label, row=False, needs=together)(largest)
@@ -167,7 +166,7 @@ def _declare_within(
     phase: str, name: str, unit: str, label: str, about: str, compute: Computed,
     needs: tuple[str, ...],
 ) -> None:  # fmt: skip
-    """Declare the largest value of an index while the strand is bent, or straightened."""
+    """Declare the largest value of an index in bending or straightening."""
 
     def largest(sample: Sample) -> float | None:
         worst = sample.judged.within(phase, name)

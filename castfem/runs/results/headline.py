@@ -1,4 +1,4 @@
-"""Which results are looked at first, those among them that the history tells: shell, contact."""
+"""Headline results, and those among them that are derived from the history: shell, contact."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from castfem.runs.results.roll_load import RollLoads
 _TWINS = (
     ("_left", "_right"),
     ("_extrados", "_intrados"),
-    ("_extrados", ""),  # of a straight strand the intrados has no addition
+    ("_extrados", ""),  # on a straight strand the intrados has no suffix
     ("_narrow_face", "_mid_face"),
 )
-"""Parts of names, and of the place before that may have the same number."""
+"""Parts of names, and of the earlier place whose number may be the same."""
 _PLACES = tuple(
     f"{face}{side}{half}"
     for face in ("mid_face", "narrow_face", "corner")
@@ -36,12 +36,12 @@ _PLACES = tuple(
 
 
 def at_places(quantity: str) -> tuple[str, ...]:
-    """Return the names of a quantity at all places that a section may have, mid-faces first."""
+    """Return the names of a quantity at all possible places of a section, mid-faces first."""
     return tuple(f"{quantity}_{place}" for place in _PLACES)
 
 
 AT_PROBES = (*at_places("shell"), *at_places("surface_temperature"))
-# In the order in which they are shown; what a run does not have is left out.
+# In display order; results that a run does not have are left out.
 HEADLINE = (
     "liquid_end",
     "metallurgical_length",
@@ -80,9 +80,9 @@ FROM_HISTORY = (
     "bulge_largest",
     "roll_force_largest",
 )
-"""What tables of many runs have besides (`castfem.runs.results.headline`)."""
+"""Additional results in tables of many runs."""
 ENDS = ("liquid_end", "metallurgical_length")
-"""Ends of the pool, which stand first, where any of the runs has come to them."""
+"""Ends of the liquid core, shown first if any of the runs has reached them."""
 # Place, position, roll, time and phase of the largest value of a map.
 _PLACE = re.compile(
     r", (?:[^,]+, (?:corner|[^,]+ from the corner)|x = [^,]+, y = [^,]+(?:, [^,]+ deep)?)"
@@ -91,10 +91,10 @@ _PLACE = re.compile(
 
 
 def headline(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
-    """Return the headline quantities that any of the runs has, without those that say nothing new.
+    """Return the headline results of any of the runs, without repeated ones.
 
-    A face is left out where it is in every run as one before: of a square section, or of a strand
-    whose intrados and extrados are cooled alike.
+    A face is left out if its values equal those of an earlier face in every run, as for a square
+    section, or equally cooled intrados and extrados.
     """
     everything = list(runs)
     chosen = [n for run in everything for n in run if AT_FRACTION.fullmatch(n)]
@@ -112,12 +112,12 @@ def headline(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
 
 
 def plain_label(quantity: Quantity) -> str:
-    """Return the label without where in this very run the value was found."""
+    """Return the label without the place where the value was found in this run."""
     return _PLACE.sub("", quantity.label.partition(", at x")[0])
 
 
 def repeats(name: str, runs: Iterable[Mapping[str, Quantity]]) -> bool:
-    """Whether a quantity is in every run that of a place before: of a face that is cooled alike."""
+    """Whether a result equals that of an earlier place in every run (equal cooling)."""
     everything = list(runs)
     return any(all(_same(run, name, twin) for run in everything) for twin in _twins(name))
 
@@ -135,16 +135,16 @@ def _same(run: Mapping[str, Quantity], name: str, twin: str) -> bool:
     return abs(this.value - other.value) <= 1e-6 * abs(other.value)
 
 
-_SHELLS = ("shell_", "solidus_cell_")  # beginnings of the columns that tell a shell and its cell
-OPEN = 1e-3  # mm; a gap beyond counts as lost contact
+_SHELLS = ("shell_", "solidus_cell_")  # prefixes of the columns of a shell and its cell size
+OPEN = 1e-3  # mm; a larger gap counts as lost contact
 
 
 def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
-    """Return those that a run has; none without a history.
+    """Return the derived results of a run; none without a history.
 
-    The shell is the thinnest at the probes where the mould ends. Contact is lost where the first of
-    the probes loses it, and regained where the last of those that do has it again; NaN where it
-    is not. Bulge and force of rolls are the largest on the way.
+    The shell is the thinnest at the probes at the end of the mould. Contact is lost where the first
+    probe loses it, and regained where the last of these has it again; NaN if not. Bulge and roll
+    forces are the largest along the way.
     """
     try:
         table = read_columns(folder / HISTORY_NAME)
@@ -182,22 +182,22 @@ class Spell:
     """A stretch without contact, between two positions [m]."""
 
     start: float  #: where contact was lost
-    end: float  #: where it was found again, or where the history ends
-    regained: bool  #: whether it was found again
+    end: float  #: where contact was regained, or the end of the history
+    regained: bool  #: whether contact was regained
 
     @property
     def length(self) -> float:
-        """From start to end [m]."""
+        """Length of the stretch [m]."""
         return self.end - self.start
 
 
 def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
-    """Where contact was lost after there had been contact, and until where.
+    """Return the stretches in which contact was lost after there had been contact.
 
     Args:
-        gap: (n,) between surface and wall; what is unknown (NaN) goes on as before.
-        position: (n,) growing.
-        threshold: The gap beyond which there is no contact; its place is found by straight lines.
+        gap: (n,) between surface and wall; unknown values (NaN) continue the previous state.
+        position: (n,), increasing.
+        threshold: Gap above which there is no contact; its position is interpolated linearly.
     """
     known = np.isfinite(gap)
     gap, position = gap[known], position[known]
@@ -219,7 +219,7 @@ def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
 
 
 def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
-    """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
+    """Return the end of the mould [m] and its name: the end of the run if that comes first."""
     ends = None if summary is None else summary.mould_exit
     if ends is not None and ends <= position[-1] * (1 + ROUNDING):
         return ends, "mould exit"

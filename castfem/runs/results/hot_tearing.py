@@ -1,4 +1,4 @@
-"""Follows the places of the section through the mushy zone, for the criteria of hot tearing."""
+"""Follows the vertices of the section through the mushy zone, for the hot tearing criteria."""
 
 from __future__ import annotations
 
@@ -26,38 +26,38 @@ if TYPE_CHECKING:
     from castfem.physics.mechanics.state import MechanicalState
     from castfem.runs.results.mechanical import MechanicalSampler
 
-NEAR = 1e-6  # K: within which a temperature is that of a reaction
-_NAME = "hot_tearing"  # before the names of arrays in a checkpoint
+NEAR = 1e-6  # K: temperatures this close to a reaction belong to it
+_NAME = "hot_tearing"  # prefix of array names in a checkpoint
 
 
 @dataclass(frozen=True, slots=True)
 class Tearing:
-    """What the criteria say of the owned vertices after a step; nothing writes into its arrays."""
+    """Values of the criteria at the owned vertices after a step; its arrays are never modified."""
 
-    history: MushyHistory  #: what each vertex has met
-    width: float  #: of the brittle range, K
-    mushy: float  #: temperature over which the relief goes as well, K
-    law: laws.CriticalStrain  #: of the criterion "won"
-    feeding: laws.Feeding | None  #: of the criterion "rdg"; None without
+    history: MushyHistory  #: history of each vertex in the mushy zone
+    width: float  #: width of the brittle range, K
+    mushy: float  #: temperature range of the stress relief before it, K
+    law: laws.CriticalStrain  #: parameters of the criterion "won"
+    feeding: laws.Feeding | None  #: parameters of the criterion "rdg"; None without it
     enthalpy: Array  #: at the vertices, J/m3
-    rate: Array  #: of that at the end of the step, W/m3
-    strain: Array  #: at the deviator's points, Mandel (n, 4); none without mechanics
+    rate: Array  #: rate of the enthalpy at the end of the step, W/m3
+    strain: Array  #: at the deviator's points, Mandel (n, 4); empty without mechanics
     here: Flags  #: whether each vertex was in the brittle range within the step
-    passed: Flags  #: whether it has left it
+    passed: Flags  #: whether it has left the range
     mechanical: MechanicalState | None = None  #: of the slice; None without mechanics
 
     def won(self) -> Array:
-        """Strain across the range so far over the critical one (n,)."""
+        """Strain across the dendrites in the range so far over the critical one (n,)."""
         history = self.history
         return laws.won_damage(history.strain, history.vulnerable, self.width, self.law)
 
     def clyne_davies(self) -> Array:
-        """Time in the range over that before it (n,); 0 before its end."""
+        """Time in the range over that before it (n,); 0 before the end of the range."""
         found = laws.clyne_davies(self.history.vulnerable, self.history.relief)
         return np.where(self.passed, found, 0.0)
 
     def rdg(self) -> Array:
-        """Pressure drop by the means over the way, Pa (n,); 0 before the end of the range."""
+        """Pressure drop from mean values on the way, Pa (n,); 0 before the end of the range."""
         assert self.feeding is not None
         history = self.history
         time = history.relief + history.vulnerable
@@ -67,11 +67,11 @@ class Tearing:
 
 
 class Follower:
-    """Follows the owned vertices of a simulation whose case names criteria (collective).
+    """Follows the owned vertices of a simulation with hot tearing criteria (collective).
 
     Args:
         simulation: The simulation.
-        mechanics: Samples its strained slice; None without.
+        mechanics: Samples its strained slice; None without mechanics.
     """
 
     def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
@@ -84,8 +84,8 @@ class Follower:
         self._mechanics = mechanics if strained else None
         fractions = (FEEDING, *quality.brittle)
         kelvin = [temperature_at(steel, fraction) for fraction in fractions]
-        # Heat is drawn evenly over a step, whereas the temperature falls fast where there is little
-        # latent heat left.
+        # Over a step heat is removed at a constant rate, while the temperature falls fast where
+        # little latent heat is left.
         curve = simulation.problem.curve
         feeds, begins, ends = (enthalpy_at(curve, steel, fraction) for fraction in fractions)
         self._begins = kelvin[1]  # temperature at which the brittle range begins, K
@@ -104,7 +104,7 @@ class Follower:
         )  # fmt: skip
 
     def note(self, old: Tearing, strand: StrandState, duration: float) -> Tearing:
-        """Take in one more step; one of no length where the run begins or goes on (collective)."""
+        """Process a step; of zero length where the run begins or continues (collective)."""
         thermal, strain, history = strand.thermal, old.strain, old.history
         here = np.zeros(len(old.here), bool)
         if len(history.relief) != len(here):
@@ -136,10 +136,10 @@ class Follower:
     def _strained(self, strain: Array, temperature: Array) -> list[Array]:
         """Strain along the isotherm and along the strand, and gradient, at the vertices (n,).
 
-        Dendrites grow along the gradient, and tear apart across it. What is strained along it is
-        fed. In the liquid strain means nothing, for its mesh follows the shell: of the points
-        around a vertex those count that are in the brittle range or below, where there are any.
-        There is no thermal strain above the solidus; an elastic one is that of some MPa at most.
+        Dendrites grow along the gradient and are torn apart across it; strain along it is fed. The
+        strain of the liquid has no meaning, since its mesh follows the shell: of the points around
+        a vertex those in or below the brittle range count, if there are any. There is no thermal
+        strain above the solidus; the elastic strain is that of some MPa at most.
         """
         assert self._mechanics is not None
         points = self._mechanics.strained.points
@@ -159,11 +159,11 @@ class Follower:
 
     @staticmethod
     def arrays(state: Tearing) -> dict[str, Array]:
-        """What a checkpoint must hold at the owned vertices; the rest is of the slice itself."""
+        """Arrays for a checkpoint at the owned vertices; the rest follows from the slice."""
         return {f"{_NAME}_{name}": getattr(state.history, name) for name in MushyHistory.names()}
 
     def restored(self, by_node: Mapping[str, Array]) -> Tearing:
-        """The state of `arrays`, by node."""
+        """Restore the state of `arrays`, by node."""
         nodes = self.simulation.section.node_of_owned
         found = (
             np.asarray(by_node[f"{_NAME}_{name}"], float)[nodes] for name in MushyHistory.names()
@@ -172,9 +172,10 @@ class Follower:
 
 
 def enthalpy_at(curve: ThermalCurve, steel: Steel, fraction: float) -> float:
-    """Enthalpy at which so much of a steel is solid, J/m3.
+    """Enthalpy at a solid fraction of a steel, J/m3.
 
-    What freezes at one temperature, as by the peritectic reaction, freezes evenly with the heat.
+    Fractions that freeze at one temperature, such as in the peritectic reaction, are linear in
+    enthalpy.
     """
     kelvin = temperature_at(steel, fraction)
     for knot in steel.breakpoints(kelvin - NEAR, kelvin + NEAR):
@@ -187,7 +188,7 @@ def enthalpy_at(curve: ThermalCurve, steel: Steel, fraction: float) -> float:
 
 
 def lacks(quality: Quality, steel: Steel) -> tuple[str, str] | None:
-    """What criteria need of a steel that it does not have: key of [quality], and words."""
+    """Data that the criteria need and the steel lacks: key of [quality], and text."""
     fractions = (FEEDING, *quality.brittle)
     feeds, begins, ends = (temperature_at(steel, fraction) for fraction in fractions)
     if not feeds > begins > ends:
@@ -220,7 +221,7 @@ def _shrinkage(steel: Steel) -> float:
 
 
 def _feeding(given: Feeding, steel: Steel, roots: float) -> laws.Feeding:
-    """The feeding of a steel that lacks nothing, whose crystals grow together at `roots`, K."""
+    """Feeding parameters for a complete steel whose dendrites coalesce at `roots`, K."""
     shrinkage = _shrinkage(steel) if given.shrinkage is None else given.shrinkage
     carbon, spacing = steel.composition.get("C", 0.0), given.arm_spacing
 

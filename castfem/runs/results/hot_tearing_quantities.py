@@ -1,7 +1,7 @@
-"""Criteria of hot tearing, and ductility by grade: quantities of a case that asks for them.
+"""Results of the hot tearing criteria, and of the ductility of the grade, if requested.
 
-Each criterion is an index of the whole section, where its largest value is that of the front of
-solidification as the slice goes down, and one of the surface, which keeps what it has met.
+Each criterion is an index of the whole section, whose largest value is that of the solidification
+front as the slice moves down, and one of the surface, which keeps its history.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def _declare(name: str, unit: str, label: str, needs: tuple[str, ...], says: str) -> None:
-    """Declare a criterion, a method of `Tearing` of that name, at the front and at the surface."""
+    """Declare a criterion, a method of `Tearing`, at front and surface."""
 
     def values(tearing: Tearing | None) -> Array:
         assert tearing is not None, "the case names criteria"
@@ -73,7 +73,7 @@ _declare(
     column=False, of_way=True, needs=("throughout", "rdg", "quality"),
 )  # fmt: skip
 def rdg_share(sample: Sample) -> float:
-    """Largest pressure drop at the front over `quality.rdg.cavitation`; a pore opens at 100 %."""
+    """Largest pressure drop at the front over `quality.rdg.cavitation`; a pore forms at 100 %."""
     from castfem.model.quality import Feeding
 
     quality = sample.simulation.case.quality
@@ -87,9 +87,9 @@ def rdg_share(sample: Sample) -> float:
     accumulates=True,
 )  # fmt: skip
 def ductility_used(step: SliceStep) -> Array:
-    """Sum of each step's axial tension over the strain that the grade bears (quality.ductility).
+    """Axial tensile strain of each step over `quality.ductility`, summed up.
 
-    The strain is the mechanical one; it counts within the temperatures of the table.
+    The mechanical strain counts, within the temperatures of the table.
     """
     table = step.settings.ductility
     middle = 0.5 * (step.temperature + step.earlier)

@@ -1,4 +1,4 @@
-"""Results by their names: label, unit, how exactly cells resolve depths; results at places."""
+"""Results by name: label, unit, resolution of depths by the cells; results at positions."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 
 
 STAIR = 1.0 / 6.0
-"""Of the cell in which the solidus lies: how far the curve of the shell is off."""
+"""Error of a shell depth as a fraction of the cell that contains the solidus."""
 _DEPTH = re.compile(r"(?:shell|liquidus_depth|fs[1-9]\d?)_(\w+)")
 
 
 def resolved(
     quantities: dict[str, Quantity], cell: Callable[[str], float | None]
 ) -> dict[str, Quantity]:
-    """Return results, depths of isotherms among them with what their cells resolve.
+    """Return the results, with the depths of isotherms rounded to the resolution of the cells.
 
     Args:
-        quantities: By name.
-        cell: Size of the cell in which the solidus lies, by the name of a probe, m; NaN or None
-            where there is none. The other isotherms lie deeper, in cells that are no smaller.
+        quantities: Results by name.
+        cell: Size of the cell that contains the solidus, by name of a probe, m; NaN or None if
+            there is none. Other isotherms are deeper, in cells that are no smaller.
     """
     found = {}
     for name, one in quantities.items():
@@ -49,11 +49,11 @@ def resolved(
     return found
 
 
-_NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
+_NO_PROBES = ("min", "max")  # suffixes of columns over the whole section
 
 
 def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Quantity]:
-    """Return the results of a row by name, in the order of its columns; position and time first."""
+    """Return the results of a row by name, in column order; position and time first."""
     results = {}
     for name in sorted(row, key=lambda column: column not in ("position", "time")):
         found = find(name)
@@ -69,9 +69,9 @@ def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[
 
 
 def probes_with(table: Columns, prefix: str) -> dict[str, str]:
-    """Probe to column, of the columns `prefix_PROBE` that hold any number.
+    """Return probe to column for the columns `prefix_PROBE` with any value.
 
-    A column of the whole slice that begins so is none of them.
+    Columns of the whole slice with this prefix are not included.
     """
     return {
         name[len(prefix) + 1 :]: name
@@ -84,23 +84,23 @@ def probes_with(table: Columns, prefix: str) -> dict[str, str]:
 
 
 def has_values(table: Columns, name: str) -> bool:
-    """Whether a column is there and holds any number."""
+    """Whether a column exists and has any value."""
     return name in table and not np.isnan(table[name]).all()
 
 
 def beside_wall(table: Columns) -> Flags:
-    """Rows (n,) in which a probe has a wall beside it: those in the mould; all without a probe."""
+    """Rows (n,) in which a probe has a wall beside it: those in the mould; without a probe all."""
     known = [~np.isnan(table[column]) for column in probes_with(table, "gap").values()]
     return np.any(known, axis=0) if known else np.ones(len(table), dtype=bool)
 
 
 def unit_of(table: Columns, name: str) -> str:
-    """The unit of a column as figures write it."""
+    """Unit of a column as written in figures."""
     return plain_unit(str(table.attrs["units"][name]))
 
 
 def read_positions(given: Sequence[str]) -> list[float]:
-    """Return positions a user has written, "800 mm", in m."""
+    """Convert positions given by a user, such as "800 mm", to m."""
     found, problems = [], []
     for text in given:
         try:
@@ -113,10 +113,10 @@ def read_positions(given: Sequence[str]) -> list[float]:
 
 
 def read_number(name: str, given: float | str | None, unit: str) -> float | None:
-    """Return what a script gives as a number in an SI unit, or as one with its unit; None stays.
+    """Convert a number in SI units, or a text with a unit, to SI; None is returned unchanged.
 
     Raises:
-        InputError: It is neither; `name` says what was meant.
+        InputError: It is neither; `name` says what is meant.
     """
     if given is None or (isinstance(given, Real) and not isinstance(given, bool)):
         return None if given is None else float(given)
@@ -136,10 +136,10 @@ def quantities_at(
     folder: Path | str,
     summary: Summary | None = None,
 ) -> dict[str, Quantity]:
-    """Return the results where the slice came to a position, between two rows by straight lines.
+    """Return the results at a position of the slice, by linear interpolation between two rows.
 
     Raises:
-        InputError: The run has not been there.
+        InputError: The run has not reached it.
     """
     columns = {str(name): np.asarray(table[name]) for name in table}
     places = columns["position"]
@@ -151,7 +151,7 @@ def quantities_at(
             f"{place_said(end)}, where the run begins and ends; ask for a place within, or run it "
             "farther (casting.length)"
         )
-    # Where the strand stands the slice is at a place more than once: the first time counts.
+    # A stopped strand passes a position more than once: the first time counts.
     after = min(int(np.searchsorted(places, position - slack)), len(places) - 1)
     if abs(places[after] - position) <= slack or after == 0:
         values = {name: float(column[after]) for name, column in columns.items()}

@@ -1,4 +1,4 @@
-"""What is read off the strained slice: stress, movement of its surface, forces.
+"""Samples the strained slice: stress, displacement of its surface, forces.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of what is read off the strained slice."""
+    """Limits used in sampling the strained slice."""
 
-    shell: float = 0.05  #: share of the section that is solid before its shell is spoken of
-    #: how near to the opposite place a probe begins, of its distance from the centre
+    shell: float = 0.05  #: solid fraction of the section above which results of the shell are given
+    #: tolerance on the start of the opposite probe, relative to its distance from the centre
     opposite: float = 1e-6
-    gap: float = 1.0  #: largest gap, m; what is larger has a vertex without a wall in it
-    #: stands for the distance to no wall where vertices are interpolated between, m
+    gap: float = 1.0  #: largest gap, m; a larger value includes a vertex without a wall
+    #: distance at vertices without a wall, for the interpolation, m
     no_wall: float = 1e6
 
 
@@ -45,16 +45,16 @@ LIMITS = Limits()
 
 
 def opposite(starts: Mapping[str, tuple[float, float]], multiplicity: int) -> dict[str, str]:
-    """Find the probe at the other end of the line through each probe and the centre.
+    """Find the probe at the other end of the line through the start of each probe and the centre.
 
     Args:
-        starts: Of probes that end in the centre of the section, on its surface, m.
-        multiplicity: How many times the modelled part makes up the section: the missing parts are
-            mirror images, in x of a half, in x and y of a quarter.
+        starts: Starts, on the surface, of the probes that end in the centre of the section, m.
+        multiplicity: Number of modelled parts in the section: the missing parts are mirror images,
+            in x for a half, in x and y for a quarter.
 
     Returns:
-        By the name of each probe that of the opposite one, or of its mirror image; itself, where
-        there is none, or the other half is its own mirror image.
+        By name of each probe the opposite one, or its mirror image; the probe itself if there is
+        none, or if the other half is its mirror image.
     """
     places = np.array(list(starts.values())).reshape(-1, 2)
     ends = -places
@@ -74,16 +74,16 @@ def opposite(starts: Mapping[str, tuple[float, float]], multiplicity: int) -> di
 def with_vertices(
     comm: MPI.Comm, contact: ContactSummary, gap: Array, places: Array
 ) -> ContactSummary:
-    """Contact with the largest gap of points and vertices alike (collective).
+    """Contact with the largest gap over integration points and vertices (collective).
 
-    The points of a facet lie within it, so that at the very corner, where the gap is widest, that
-    of its vertex is larger.
+    The points of a facet lie inside it, so that at a corner, where the gap is largest, that of the
+    vertex is larger.
 
     Args:
-        comm: All ranks.
-        contact: Of the points.
-        gap: At this rank's vertices of the surface (n,), m; inf where there is no wall.
-        places: Where they are now (n, 2), m.
+        comm: Communicator.
+        contact: Contact at the integration points.
+        gap: Gap at this rank's vertices of the surface (n,), m; inf without a wall.
+        places: Their present positions (n, 2), m.
     """
     met = np.where(gap < LIMITS.gap, gap, -np.inf)
     widest, *where = reductions.peak(comm, met, places)
@@ -94,9 +94,9 @@ class MechanicalSampler:
     """Takes samples of the strained slice.
 
     Args:
-        strained: The slice. probes: Lines inward from its surface.
-        centred: Those of them that end in the centre of the section.
-        smooth: Compute the smooth twin of the largest stress.
+        strained: The slice. probes: Lines from its surface inwards.
+        centred: Probes that end in the centre of the section.
+        smooth: Whether to compute the smooth approximation of the largest stress.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class MechanicalSampler:
         self._starts: sparse.csr_matrix | None = None
 
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:
-        """Read the committed `state` (collective)."""
+        """Sample the committed `state` (collective)."""
         points = self.strained.points
         recovered = points.recovered(state.stress)
         stress = equivalent_stress(recovered)
@@ -169,13 +169,13 @@ class MechanicalSampler:
         )
 
     def _load(self, state: MechanicalState) -> float:
-        """External axial force, N, that of rolls and drives in it."""
+        """External axial force, N, including that of rolls and drives."""
         load = float(self.strained.slice.planes.load(state.time)[0])
         drawn = state.bending.withdrawal
         return load + (0.0 if drawn is None else drawn.force / self.section.multiplicity)
 
     def _beyond(self, state: MechanicalState) -> dict[str, float]:
-        """Share of the solid beyond the data of its law, by kind (collective)."""
+        """Fraction of the solid beyond the data of its law, by kind (collective)."""
         law, points = self.strained.slice.law, self.strained.points
         if law.data is None:
             return {}
@@ -191,9 +191,9 @@ class MechanicalSampler:
         return {kind: float(part / shell) for kind, part in zip(beyond, found, strict=True)}
 
     def strain_rate(self, state: MechanicalState) -> Array:
-        """Rate of strain over the last step at the deviator's points, Mandel (n, 4), 1/s."""
+        """Strain rate of the last step at the deviator's points, Mandel (n, 4), 1/s."""
         points, planes = self.strained.points, self.strained.slice.planes
-        instant = 1e-3  # s: over which the generalized strains are differentiated
+        instant = 1e-3  # s: increment for the derivative of the generalized strains
         found = points.strain @ dof_values.with_ghosts(self.strained.space, state.rate)
         ends = []
         for time, scalars in (
@@ -205,14 +205,14 @@ class MechanicalSampler:
         return self._with_generalized_strains(found, np.asarray((ends[0] - ends[1]) / instant))
 
     def _axial(self, recovered: Array) -> dict[str, float]:
-        """Axial stress at the start of each probe, Pa; empty where no machine bends the strand."""
+        """Axial stress at the start of each probe, Pa; empty without a bending machine."""
         if not isinstance(self.strained.slice.planes, BentPlanes):
             return {}
         starts = self.probes.starts(self.strained.points.at_vertices(recovered[:, 2])[:, None])
         return {name: float(values[0]) for name, values in starts.items()}
 
     def axial_at_vertices(self, state: MechanicalState) -> Array:
-        """Axial stress recovered at the owned vertices (owned,), Pa (collective)."""
+        """Axial stress at the owned vertices (owned,), Pa (collective)."""
         points = self.strained.points
         return points.at_vertices(points.recovered(state.stress)[:, 2])
 
@@ -236,7 +236,7 @@ class MechanicalSampler:
         return {name: reach[name] + reach[other] for name, other in self._opposite.items()}
 
     def displaced(self, profiles: dict[str, Profile], state: MechanicalState) -> dict[str, Profile]:
-        """Profiles over the depth below the surface as both are now (collective)."""
+        """Profiles over the depth below the present surface (collective)."""
         moved = self.strained.points.moved(state.displacement, state.generalized_strains)
         along_x, along_y = (self.probes.along(np.ascontiguousarray(u)) for u in moved.T)
         found = {}
@@ -247,7 +247,7 @@ class MechanicalSampler:
         return found
 
     def fields(self, state: MechanicalState, names: tuple[str, ...]) -> dict[str, Array]:
-        """Those of `names` that are mechanical, at the owned vertices (collective)."""
+        """The mechanical fields among `names`, at the owned vertices (collective)."""
         points = self.strained.points
         found: dict[str, Array] = {}
         if "displacement" in names:
@@ -275,7 +275,7 @@ class MechanicalSampler:
         return {name: in_components(found[name]) for name in names if name in found}
 
     def _on_surface(self, values: Array, inside: float = 0.0) -> Array:
-        """Values of the surface's vertices at all owned ones (owned,), elsewhere `inside`."""
+        """Extend values at the surface vertices to all owned ones (owned,) by `inside`."""
         assert self._gap is not None
         found = np.full(self.section.owned, inside)
         found[self._gap.dofs] = values
@@ -295,14 +295,14 @@ class MechanicalSampler:
         )
 
     def front_strain(self, before: MechanicalState, after: MechanicalState) -> Array | float:
-        """Axial strain that bulges have brought to the front since, at the deviator's points."""
+        """Axial strain from bulges at the solidification front, at the deviator's points."""
         points = self.strained.points
         places = points.position[: points.deviator_points]
         found = self.strained.interactions.front_strain(before, after, places)
         return 0.0 if found is None else found
 
     def _with_generalized_strains(self, values: Array, generalized_strains: Array) -> Array:
-        """Strain in the plane at all points, with that of the planes, at the deviator's."""
+        """Strain at all points, with the generalized strains at the deviator's points."""
         points = self.strained.points
         strain = values.reshape(-1, 4)[: points.deviator_points]
         x, y = points.deviator.position.T
@@ -324,7 +324,7 @@ def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> SmoothPeak:
 
 
 def in_components(values: Array) -> Array:
-    """Mandel tensors (n, 4) as [xx, yy, zz, xy]; anything else as it is."""
+    """Convert Mandel tensors (n, 4) to [xx, yy, zz, xy]; return other arrays unchanged."""
     if values.ndim == 2 and values.shape[1] == 4:
         return values / np.array([1.0, 1.0, 1.0, 2.0**0.5])
     return values

@@ -1,4 +1,4 @@
-"""Quantities of the strained slice: stress, movement of its surface, forces."""
+"""Results of the strained slice: stress, displacement of its surface, forces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ beyond_data = partial(quantity, column=False, needs=("mechanics", "law_data"), o
 
 
 def place(at: Iterable[float]) -> str:
-    """A place of the section, in words."""
+    """A point of the section as text."""
     x, y = (1e3 * c for c in at)
     return f"at x = {x:.1f}, y = {y:.1f} mm"
 
@@ -57,13 +57,13 @@ of_slice(
 
 
 @smooth_twin(
-    "von_mises_smooth", "MPa", "smooth twin of the largest von Mises stress",
+    "von_mises_smooth", "MPa", "smooth approximation of the largest von Mises stress",
     smooth_twin_of="von_mises_max",
 )  # fmt: skip
 def von_mises_smooth(sample: Sample) -> float:
-    """Mean over the section weighted by the stress to the power of 31; below `von_mises_max`.
+    """Mean over the section weighted by the 31st power of the stress; below `von_mises_max`.
 
-    It has no kink where the largest stress moves from one place to another.
+    It remains smooth where the largest stress moves from one place to another.
     """
     found = sample.strained.smooth
     assert found is not None, "of a quantity that needs smooth"
@@ -71,11 +71,11 @@ def von_mises_smooth(sample: Sample) -> float:
 
 
 @smooth_twin(
-    "way_von_mises_smooth", "MPa", "smooth twin of the largest von Mises stress on the way",
+    "way_von_mises_smooth", "MPa", "smooth approximation of the largest von Mises stress so far",
     of_way=True, smooth_twin_of="way_von_mises_max",
 )  # fmt: skip
 def way_von_mises_smooth(sample: Sample) -> float:
-    """The same mean over section and way from the meniscus to here; below `way_von_mises_max`."""
+    """The same mean over the section and the way from the meniscus; below `way_von_mises_max`."""
     assert sample.smooth_stress is not None, "of a quantity that needs smooth"
     return sample.smooth_stress.stress
 
@@ -86,12 +86,12 @@ of_slice(
 )(lambda sample, probe: sample.strained.surface_stress[probe])  # fmt: skip
 of_slice(
     "displacement", "mm", "outward displacement, {}", each="probe",
-    says="Displacement of the surface, outwards.",
+    says="Outward displacement of the surface.",
 )(lambda sample, probe: sample.strained.moved[probe])  # fmt: skip
 of_slice(
     "size", "mm", "size at {}", axis="size", labels={"corner": "diagonal"}, each="centred_probe",
-    says="Size of the section through each probe that ends in its centre. It is the distance "
-    "between the surfaces on both sides of the centre; of `corner` the diagonal.",
+    says="Size of the section through each probe that ends in its centre: the distance between "
+    "the surfaces on both sides of the centre; for `corner` the diagonal.",
 )(lambda sample, probe: sample.strained.across[probe])  # fmt: skip
 of_slice(
     "axial_strain", "-", "axial strain",
@@ -99,9 +99,8 @@ of_slice(
 )(lambda sample: sample.strained.strain)  # fmt: skip
 quantity(
     "tilt_x", "1/m", "tilt: axial strain along x", needs=("tilt_x",),
-    says="Gradient a1 of the axial strain along x, the curvature that uneven cooling gives. Of a "
-    "slice that is free to tilt so, as whole sections are by default, and that no machine "
-    "bends.",
+    says="Gradient a1 of the axial strain along x: the curvature from uneven cooling. Only for a "
+    "slice that is free to tilt, as whole sections are by default, and not bent by a machine.",
 )(lambda sample: sample.strained.gradients[0])  # fmt: skip
 quantity(
     "tilt_y", "1/m", "tilt: axial strain along y", needs=("tilt_y",),
@@ -113,7 +112,7 @@ quantity(
     "axial_force", "kN", "axial force, modelled part", row=False, axis="axial force,\nmodelled part"
 )
 def axial_force(sample: Sample) -> float:
-    """Axial force of the stress, modelled part; `effort` and moment are of the whole strand."""
+    """Axial force of the stress in the modelled part (`effort`: whole strand)."""
     balance = sample.strained.balance
     return 0.0 if balance is None else float(balance.axial[0])
 
@@ -123,13 +122,13 @@ def axial_force(sample: Sample) -> float:
     axis="relative error of\nthe forces",
 )  # fmt: skip
 def force_error(sample: Sample) -> float:
-    """Largest relative error of a node's forces or of the axial force."""
+    """Largest relative residual of the nodal forces or of the axial force."""
     balance = sample.strained.balance
     return 0.0 if balance is None else max(balance.forces_error, balance.axial_error)
 
 
 def _beyond_at(kind: str) -> Callable[[Sample], str]:
-    """Where most of the shell was beyond the data, behind their limit, in words."""
+    """Text for where most of the shell was beyond a limit of the data, after that limit."""
 
     def where(sample: Sample) -> str:
         assert sample.simulation.strained is not None
@@ -143,29 +142,29 @@ def _beyond_at(kind: str) -> Callable[[Sample], str]:
 
 
 def _beyond(sample: Sample, kind: str) -> float:
-    """Largest share so far; none before there is a shell."""
+    """Largest fraction so far; none before there is a shell."""
     return sample.beyond_data.worst.get(kind, (0.0, 0.0))[0]
 
 
 beyond_data(
     "colder_than_data", "percent", "largest share of the shell colder than the law's data",
     place=_beyond_at("colder"),
-    says="Largest share of the shell on the way that was colder than the data of its law. It is "
-    "counted from when a twentieth of the section is solid, like the two that follow.",
+    says="Largest fraction of the shell so far that was colder than the data of its law. This and "
+    "the next two are evaluated once a twentieth of the section is solid.",
 )(lambda sample: _beyond(sample, "colder"))  # fmt: skip
 beyond_data(
     "hotter_than_data", "percent", "largest share of the shell hotter than the law's data",
     place=_beyond_at("hotter"),
-    says="Largest share of the shell on the way that was hotter than the data of its law.",
+    says="Largest fraction of the shell so far that was hotter than the data of its law.",
 )(lambda sample: _beyond(sample, "hotter"))  # fmt: skip
 beyond_data(
     "faster_than_data", "percent", "largest share of the shell strained faster than the law's data",
     place=_beyond_at("faster"),
-    says="Largest share of the shell on the way that was strained faster than the data of its law.",
+    says="Largest fraction of the shell so far that was strained faster than the data of its law.",
 )(lambda sample: _beyond(sample, "faster"))  # fmt: skip
 of_bent(
     "axial_stress", "MPa", "axial stress, {}", each="probe",
-    says="Stress along the strand at the surface, where a machine bends it.",
+    says="Axial stress at the surface, where a machine bends the strand.",
 )(lambda sample, probe: sample.strained.axial_stress[probe])  # fmt: skip
 
 
@@ -175,7 +174,7 @@ def _declare_thickness(place: str, share: float) -> None:
         axis="thickness of the slice",
     )  # fmt: skip
     def thickness(sample: Sample) -> float:
-        """Distance of the planes that bound the slice, of what it was at the meniscus."""
+        """Distance of the planes that bound the slice, relative to that at the meniscus."""
         mechanical, height = sample.state.mechanical, thickness_of(sample.simulation.case.section)
         assert mechanical is not None and height is not None
         a0, _, a2, _ = mechanical.generalized_strains
@@ -188,13 +187,13 @@ for _place, _share in (("intrados", 0.5), ("centre", 0.0), ("extrados", -0.5)):
 
 of_bent(
     "curvature", "1/m", "curvature of the strand's middle",
-    says="Curvature that the rolls give the middle of the strand.",
+    says="Curvature of the middle of the strand, imposed by the rolls.",
 )(lambda sample: sample.bending.curvature)  # fmt: skip
 of_bent(
     "neutral_axis", "mm", "neutral axis, y from the middle towards the intrados",
     axis="neutral axis (y)",
-    says="Where the thickness of the slice has not changed in the step, y from the middle. The "
-    "intrados lies at y > 0. There is none where the curvature stays.",
+    says="Position y, from the middle, at which the thickness of the slice has not changed in the "
+    "step; the intrados is at y > 0. Empty while the curvature is constant.",
 )(lambda sample: sample.bending.axis)  # fmt: skip
 of_bent(
     "bending_moment", "kN m",
@@ -205,18 +204,18 @@ of_bent(
 of_bent(
     "bending_work", "kJ/m", "work of bending and straightening, whole strand",
     axis="work of bending and straightening",
-    says="Work - int M dk that a metre of the whole strand has taken from the drives to here.",
+    says="Work - int M dk that a metre of the whole strand has taken from the drives so far.",
 )(lambda sample: -sample.bending.work * sample.simulation.section.multiplicity)  # fmt: skip
 of_rolls(
     "roll_resistance", "kN", "resistance of the rolls down to here, whole strand",
     axis="resistance",
-    says="What the rolls above resist to the whole strand, the work of bending in it.",
+    says="Accumulated resistance of the rolls to the whole strand, including the work of bending.",
 )(lambda sample: sample.withdrawal.resistance)  # fmt: skip
 of_rolls(
     "drive_force", "kN", "pull of the drives down to here, whole strand", axis="pull of the drives",
-    says="What the drives above pull the whole strand with.",
+    says="Accumulated force of the drives on the whole strand.",
 )(lambda sample: sample.withdrawal.drives)  # fmt: skip
 of_rolls(
     "effort", "kN", "axial effort between rolls and drives, whole strand", axis="axial effort",
-    says="Resistance less drives, of the whole strand: N - kM of the slice, or N by the thesis.",
+    says="Resistance minus drive forces, whole strand: N - kM of the slice, or N as in the thesis.",
 )(lambda sample: sample.withdrawal.effort)  # fmt: skip

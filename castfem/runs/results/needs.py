@@ -1,4 +1,4 @@
-"""What quantities need of a case and of its simulation, and so which of them a case can have."""
+"""Conditions of the results on case and simulation, which determine what results a case has."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """One of them."""
+    """A condition of a result."""
 
-    tables: tuple[str, ...]  #: tables of the case without which it cannot be met
-    #: what its simulation must have besides; None for nothing
+    tables: tuple[str, ...]  #: required tables of the case
+    #: further condition on the simulation; None for none
     also: Callable[[Simulation], bool] | None = None
 
     def missing(self, case: Case) -> list[str]:
-        """The tables that a case has not; [mould.oscillation] also where there is no [mould]."""
+        """Missing tables of a case; [mould.oscillation] is missing, too, without [mould]."""
         return [table for table in self.tables if not _has_table(case, table)]
 
     def is_met(self, simulation: Simulation) -> bool:
-        """Whether a simulation has what is needed."""
+        """Whether a simulation meets the condition."""
         return not self.missing(simulation.case) and (self.also is None or self.also(simulation))
 
 
 def are_met(needs: Iterable[str], simulation: Simulation) -> bool:
-    """Whether a simulation has all that is needed, by name."""
+    """Whether a simulation meets all conditions, given by name."""
     return all(NEEDS[name].is_met(simulation) for name in needs)
 
 
@@ -52,7 +52,7 @@ def _slice(simulation: Simulation) -> Slice:
 
 
 def _is_free(simulation: Simulation, strain: str) -> bool:
-    """Whether a generalized strain is found by equilibrium; in a bent strand it is none."""
+    """Whether a generalized strain is free (not that of a bent strand)."""
     return not simulation.case.bends and strain in _slice(simulation).planes.free
 
 
@@ -62,7 +62,7 @@ def _bulges(simulation: Simulation) -> bool:
 
 
 def _bears_edges(simulation: Simulation) -> bool:
-    """Whether rolls bear the narrow faces besides the wide ones."""
+    """Whether rolls support the narrow faces, in addition to the wide ones."""
     if not _bulges(simulation):
         return False
     from castfem.physics.contact.roll_support import RollSupport
@@ -76,7 +76,7 @@ def _quality(simulation: Simulation) -> Quality:
 
 
 def _is_followed(criterion: str, simulation: Simulation) -> bool:
-    """Whether a criterion of hot tearing is."""
+    """Whether a hot tearing criterion is evaluated."""
     return criterion in (_quality(simulation).hot_tearing or ())
 
 
@@ -84,7 +84,7 @@ _ROLLED = ("mechanics", "machine")
 CRITERIA = ("won", "clyne_davies", "rdg")
 NEEDS: Mapping[str, Need] = {
     "mechanics": Need(("mechanics",)),
-    "throughout": Need(  # mechanics that go on to the end of the strand
+    "throughout": Need(  # mechanics to the end of the strand
         ("mechanics",), lambda simulation: simulation.case.mechanics_end() is None
     ),
     "smooth": Need(("mechanics",), lambda simulation: bool(simulation.case.output.smooth)),
@@ -120,13 +120,13 @@ STRAINED = NEEDS.keys() - {
     "closed_form",
     *CRITERIA,
 }
-"""Needs of quantities that are read off the strained slice, unless they are `of_way`."""
+"""Conditions of all results of the strained slice, except those `of_way`."""
 
 
 def faults_of(case: Case, names: Sequence[str]) -> list[str]:
-    """Return why no run of a case has results, and what to do; "" for what one may have.
+    """Return why no run of a case has some results, and what to do; "" for results it may have.
 
-    The section is meshed only where a result is taken at a place that not every section has.
+    The section is meshed only for a result at a place that not every section has.
     """
     places: list[str] = []
 
@@ -143,7 +143,7 @@ def faults_of(case: Case, names: Sequence[str]) -> list[str]:
 
 
 def fault_of(case: Case, name: str) -> str:
-    """Return the same of a single result."""
+    """Return the same for a single result."""
     return faults_of(case, [name])[0]
 
 
@@ -168,7 +168,7 @@ def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
         return f"is not followed; give output.shell_at = [{int(fraction[1]) / 100:g}]"
     if definition.each and probe != "mid_face" and probe not in places():
         near = nearest(probe, places())
-        if not near:  # meant is perhaps another result, of no place
+        if not near:  # perhaps a result without a place is meant
             near = nearest(name, [one.name for one in declared() if not one.each])
         return f'has no place "{probe}" on this section; allowed: {choices(places())}{near}'
     return ""

@@ -1,4 +1,4 @@
-"""How numbers, errors, units and times are printed in tables."""
+"""Formats numbers, errors, units and times for tables."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import math
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import Scale, documented, plain_unit, scale_of
 
-_RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # a smaller rate of strain is shown in 1e-5 1/s
+_RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # smaller strain rates are shown in 1e-5 1/s
 _DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
 
 
 def shown(value: float, unit: str, resolution: float | None = None) -> str:
-    """A value as tables print it, without its unit; "-" when it does not exist.
+    """A value as text without its unit; "-" if it does not exist.
 
     Args:
-        value: In the unit.
-        unit: That unit.
-        resolution: How exactly it is resolved, in the same unit: the last digit that is printed is
-            at the place of the first of this.
+        value: Value in the unit.
+        unit: Unit of the value.
+        resolution: Resolution in the same unit: the last printed digit is at the place of its
+            first.
     """
     if not math.isfinite(value):
         return "-"
@@ -36,33 +36,33 @@ def shown(value: float, unit: str, resolution: float | None = None) -> str:
 
 
 def _digits(usual: int, resolution: float | None) -> int:
-    """Decimals of a value, fewer than usual where it is not resolved so well."""
+    """Number of decimals; fewer than usual if the resolution is coarser."""
     return min(usual, -math.floor(math.log10(resolution))) if resolution else usual
 
 
 def small_rate(value: float, digits: str = ".4g") -> str:
-    """A rate of strain (1/s), as they are compared: 37.41e-5."""
+    """A strain rate (1/s) with a common exponent for comparison: 37.41e-5."""
     return f"{1e5 * value:{digits}}{_PARTS}"
 
 
 def is_small_rate(printed: str) -> bool:
-    """Whether a printed number is one of `small_rate`; any other exponent has two digits."""
+    """Whether a text is from `small_rate`; other exponents have two digits."""
     return printed.endswith(_PARTS)
 
 
 def error_shown(error: float, unit: str = "") -> str:
-    """An error with two digits that count, without its unit; "-" when it does not exist."""
+    """An error with two significant digits, without its unit; "-" if it does not exist."""
     if not math.isfinite(error):
         return "-"
     if unit == _RATE and 0.0 < abs(error) < _SMALL_RATE:
         return f"{error_shown(1e5 * error)}{_PARTS}"
-    if error == 0.0 or not 1e-4 <= abs(error) < 1e5:  # with its power of ten
+    if error == 0.0 or not 1e-4 <= abs(error) < 1e5:  # with an exponent
         return f"{error:.2g}"
     return f"{error:.{max(0, 1 - math.floor(math.log10(abs(error))))}f}"
 
 
 def with_error(value: str, error: float | None) -> str:
-    """A printed value with its error behind it, where there is one."""
+    """A value as text with its error, if there is one."""
     if error is None or not math.isfinite(error):
         return value
     unit = _RATE if is_small_rate(value) else ""
@@ -70,19 +70,19 @@ def with_error(value: str, error: float | None) -> str:
 
 
 def is_gap(name: str) -> bool:
-    """Whether a quantity is a gap to the mould, by its name."""
+    """Whether a name is that of a gap to the mould."""
     return name.startswith(("gap_", "mould_gap_"))
 
 
 def small_gap(value: float, unit: str) -> str | None:
-    """A gap below 0.01 mm in micrometres, without their unit; None if it is larger or none."""
+    """A gap below 0.01 mm in micrometres, without unit; None if it is larger or undefined."""
     if unit == "mm" and 5e-5 <= abs(value) < 0.01:
         return f"{1e3 * value:.1f}"
     return None
 
 
 def cells(name: str, quantity: Quantity) -> tuple[str, str]:
-    """Value and unit of a quantity as the table of a run prints them."""
+    """Value and unit of a quantity as in the table of a run."""
     scale = scale_of(quantity.shown_unit, name)
     resolution = resolution_in(scale, quantity)
     return value_cells(quantity.shown, scale, quantity.shown_error, resolution, is_gap(name))
@@ -95,14 +95,14 @@ def value_cells(
     resolution: float | None = None,
     gap: bool = False,
 ) -> tuple[str, str]:
-    """A value with its error, and its unit, as tables print them.
+    """A value with its error, and its unit, as text for tables.
 
     Args:
-        value: In its documented unit.
-        scale: What turns it into what is shown.
-        error: In the documented unit; None where none is known.
-        resolution: How exactly it is resolved, as it is shown; None where that is not known.
-        gap: Tell it in micrometres if it is small.
+        value: Value in its documented unit.
+        scale: Conversion to the shown unit.
+        error: Error in the documented unit; None if unknown.
+        resolution: Resolution in the shown unit; None if unknown.
+        gap: Show small values in micrometres.
     """
     value, error = scale(value), None if error is None else scale.factor * error
     if gap and (small := small_gap(value, scale.unit)) is not None:
@@ -111,9 +111,9 @@ def value_cells(
 
 
 def resolution_in(scale: Scale, quantity: Quantity) -> float | None:
-    """How exactly a quantity is resolved, in the unit of a scale; None where that is not known.
+    """Resolution of a quantity in the unit of a scale; None if unknown.
 
-    An error that is known says more, and stands beside the value.
+    A known error is more precise, and printed beside the value.
     """
     if quantity.error is not None or quantity.shown_resolution is None:
         return None
@@ -121,7 +121,7 @@ def resolution_in(scale: Scale, quantity: Quantity) -> float | None:
 
 
 def finely(value: float, unit: str, name: str = "", resolution: float | None = None) -> str:
-    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in micrometres."""
     scale = scale_of(documented(unit), name)
     if scale.unit != documented(unit):
         resolution = None if resolution is None else abs(scale.factor) * resolution
@@ -136,12 +136,12 @@ def finely(value: float, unit: str, name: str = "", resolution: float | None = N
 
 
 def unit_shown(unit: str) -> str:
-    """A unit as tables print it."""
+    """A unit as printed in tables."""
     return plain_unit(unit).replace("percent", "%")
 
 
 def duration(seconds: float) -> str:
-    """Seconds as a person says it."""
+    """A time in seconds as readable text."""
     if seconds < 120:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
@@ -150,5 +150,5 @@ def duration(seconds: float) -> str:
 
 
 def rounded(value: float, digits: int) -> float:
-    """A value rounded, and 0 without a sign where nothing is left of it."""
+    """A rounded value, without a sign if it is 0."""
     return round(value, digits) + 0.0

@@ -1,4 +1,4 @@
-"""What is read at the points that a case follows, [[output.probe]]."""
+"""Samples the points of [[output.probe]]."""
 
 from __future__ import annotations
 
@@ -44,10 +44,11 @@ class ProbeSampler:
     """Reads the probes of a case after each step.
 
     Temperature and displacement are interpolated between vertices. Stress, strains and rates are
-    means of the quadrature points around each vertex, interpolated likewise, as in the fields.
+    averaged over the quadrature points around each vertex and interpolated likewise, as in the
+    fields.
 
     Raises:
-        InputError: A probe lies outside the section, or below a place that it has not.
+        InputError: A probe is outside the section, or below a place that the section does not have.
     """
 
     def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
@@ -64,12 +65,12 @@ class ProbeSampler:
         self.columns = [*PLACE, *HEAT, *phases, *(() if mechanics is None else MECHANICS)]
 
     def rows(self, strand: StrandState, sample: Sample) -> dict[str, dict[str, float]]:
-        """Return a row of each probe's file, in its units, by the file (collective)."""
+        """Return a row for the file of each probe, in its units, by file (collective)."""
         kelvin = strand.thermal.point.temperature
         temperature = self._points.at(kelvin[:, None])[:, 0]
         columns = [temperature, *self._phases(temperature)]
         if self._mechanics is not None:
-            if strand.strained is None:  # the mechanics have ended
+            if strand.strained is None:  # after the end of the mechanics
                 columns += [np.full(len(self.names), np.nan)] * len(MECHANICS)
             else:
                 columns += list(self._points.at(_strained(self._mechanics, strand.strained)).T)
@@ -83,20 +84,21 @@ class ProbeSampler:
         return found
 
     def _phases(self, temperature: Array) -> list[Array]:
-        """Mass fractions: solid and, of a steel whose carbon is known, what it consists of."""
+        """Mass fractions: solid and, for a steel of known carbon content, its phases."""
         steel = self._simulation.steel
         solid = np.asarray(steel.solid_fraction(temperature))
         if steel.diagram is None:
             return [solid]
         phases = steel.diagram.phases(temperature)
-        # The fraction of solid is the steel's own law; the diagram says what of it is delta.
+        # The solid fraction follows the steel's own law; the diagram gives the fraction of delta in
+        # it.
         both = phases.delta + phases.gamma
         delta = np.divide(phases.delta, both, out=np.zeros_like(both), where=both > 0.0)
         return [solid, solid * delta, solid * (1.0 - delta)]
 
 
 def _strained(sampler: MechanicalSampler, state: MechanicalState) -> Array:
-    """What the strained slice has at the owned vertices, in the order of `MECHANICS` (owned, k)."""
+    """Mechanical values at the owned vertices, in the order of `MECHANICS` (owned, k)."""
     points = sampler.strained.points
     recovered = points.recovered(state.stress)
     flowed = sampler.strained.slice.law.strain(state.internal[: points.deviator_points])
@@ -112,7 +114,7 @@ def _strained(sampler: MechanicalSampler, state: MechanicalState) -> Array:
 
 
 def _within(simulation: Simulation, name: str, place: Array) -> None:
-    """Refuse a point outside of the section by its name (collective)."""
+    """Refuse a point outside the section, by its name (collective)."""
     try:
         PointProbes(simulation.section, place[None, :])
     except ValueError:
@@ -120,6 +122,6 @@ def _within(simulation: Simulation, name: str, place: Array) -> None:
 
 
 def _shown(value: float, unit: str) -> float:
-    """A value in SI, in the unit of its column."""
+    """Convert a value from SI to the unit of its column."""
     factor, zero = _SCALES.get(unit, (1.0, 0.0))
     return factor * value - zero

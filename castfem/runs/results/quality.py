@@ -1,4 +1,4 @@
-"""Follows the crack indexes and the end of the pool along the whole way of the slice."""
+"""Follows the crack indexes and the end of the liquid core along the strand."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from castfem.runs.results.hot_tearing import Follower, Tearing
     from castfem.runs.results.mechanical import MechanicalSampler
 
-EVERY = 4  # of the samples along a line is one of the maps over the depth
+EVERY = 4  # the maps over the depth have every fourth sample along a line
 TimedStrains = tuple[float, float, float, float]
 """Time (s), and the generalized strains a0 - 1, a1, a2."""
 
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """The largest value of an index, and where and when it was."""
+    """The largest value of an index, with its place and time."""
 
     value: float = 0.0  #: in SI
     x: float = 0.0  #: on the undeformed section, m
@@ -51,32 +51,33 @@ class Worst:
 
 @dataclass(frozen=True, slots=True)
 class QualityState:
-    """What is known of the indexes at one time; nothing ever writes into its arrays."""
+    """State of the indexes at one time; its arrays are never modified."""
 
     line: SurfaceLine  #: the surface
     caster: Stations  #: the rolls
     time: float = -1.0  #: s; -1 before the first sample
     temperature: Array = field(default_factory=lambda: np.zeros(0))  #: at the owned vertices, K
-    strain_history: tuple[TimedStrains, ...] = ()  #: generalized strains from one pitch ago to now
-    #: the sample that rates were last counted from, and those since: time, temperature at the owned
+    strain_history: tuple[TimedStrains, ...] = ()  #: generalized strains over the last roll pitch
+    #: the sample from which rates are computed, and those since: time, temperature at the owned
     #: vertices, K
     recent: tuple[tuple[float, Array], ...] = ()
-    #: of each index at the owned vertices
+    #: values of each index at the owned vertices
     values: Mapping[str, Array] = field(default_factory=dict)
-    largest: Mapping[str, Worst] = field(default_factory=dict)  #: of each index here
-    worst: Mapping[str, Worst] = field(default_factory=dict)  #: from the meniscus to here
-    #: within bending and straightening, as far as the slice has come there
+    largest: Mapping[str, Worst] = field(default_factory=dict)  #: largest values at this time
+    worst: Mapping[str, Worst] = field(default_factory=dict)  #: largest values since the meniscus
+    #: largest values in bending and straightening, if the slice has come there
     in_phase: Mapping[str, Mapping[str, Worst]] = field(default_factory=dict)
-    #: temperature on the centre line, K; NaN in a section without a probe to it
+    #: temperature on the centre line, K; NaN in a section without a probe to the centre
     centre: float = np.nan
-    solid_fraction: float | None = None  #: there; None likewise
-    #: solid fraction to the position at which the centre line came to it, m
+    #: on the centre line; None in a section without a probe to the centre
+    solid_fraction: float | None = None
+    #: by solid fraction the position at which the centre line reached it, m
     passed: Mapping[float, float] = field(default_factory=dict)
-    #: what the criteria of hot tearing say; None in a case that names none
+    #: values of the hot tearing criteria; None if the case names none
     tearing: Tearing | None = None
 
     def words(self, worst: Worst | None) -> str:
-        """Where an index was worst: place, position, roll, time, phase; "" if always zero."""
+        """Where an index was largest: place, position, roll, time, phase; "" if always zero."""
         if worst is None or not worst.value > 0.0:
             return ""
         vertex = self.line.at(worst.x, worst.y)
@@ -88,7 +89,7 @@ class QualityState:
         return f"{where}, {self.caster.words(worst.position, worst.time)}"
 
     def within(self, phase: str, index: str) -> Worst | None:
-        """The worst of an index within a phase; None before the slice has come there."""
+        """The largest value of an index in a phase; None before that phase."""
         return self.in_phase.get(phase, {}).get(index)
 
 
@@ -96,11 +97,11 @@ class QualitySampler:
     """Computes the indexes after each step (collective).
 
     Args:
-        simulation: Of a case with the table [quality]. mechanics: Samples its strained slice; None
-            without, or where its mechanics end above the end of the strand.
+        simulation: A case with the table [quality]. mechanics: Samples its strained slice; None
+            without mechanics, or if these end above the end of the strand.
 
     Attributes:
-        state: As it stands after the last step.
+        state: State after the last step.
     """
 
     def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
@@ -122,11 +123,12 @@ class QualitySampler:
         self._brittle = ends[0], ends[1]
         strained = None if mechanics is None else simulation.coupling
         window = 0.0 if strained is None else strained.window
-        if caster.longest_pitch:  # windows end where the rolls bear or bend
+        if caster.longest_pitch:  # windows end where the rolls bend or support
             window = min(window, simulation.machine.window_time(caster.longest_pitch))
-        # A rate is a mean over no less. Where two events lie close together, a roll and the end of
-        # a zone 14 um below it, a window of milliseconds lies between them. What jumps there, as
-        # does the bed of a pitch by 4e-7 of strain, would be a rate as large as any in it.
+        # Shortest averaging time of a rate. Where two events are close together, such as a roll and
+        # the end of a zone 14 um below it, a window of milliseconds lies between them; a jump
+        # there, such as that of the bed of a pitch by 4e-7 of strain, would give a rate larger than
+        # any real one.
         self._least = 0.2 * window
         self._follower: Follower | None = None
         if self.settings.hot_tearing:
@@ -142,10 +144,10 @@ class QualitySampler:
         )  # fmt: skip
 
     def note(self, strand: StrandState, position: float, centre: float) -> QualityState:
-        """Take in one more step."""
+        """Process a step."""
         old, time = self.state, strand.thermal.time
         kelvin = strand.thermal.point.temperature
-        first = not old.time < time  # at the meniscus, or a state that a checkpoint had
+        first = not old.time < time  # at the meniscus, or a restored state
         recent = self._recent(time, kelvin, first)
         strain_history = self._strain_history(strand, position, recent[0][0], first)
         step = self._step(strand, recent, strain_history, position)
@@ -172,7 +174,7 @@ class QualitySampler:
         return self.state
 
     def _recent(self, time: float, kelvin: Array, first: bool) -> tuple[tuple[float, Array], ...]:
-        """The last sample that is old enough for a rate, and those since; this one is the last."""
+        """The last sample that is old enough for a rate, and all later ones including this."""
         before = self.state.recent[:-1] if first else self.state.recent
         enough = [k for k, one in enumerate(before) if time - one[0] >= self._least]
         return (*before[max(enough, default=0) :], (time, kelvin))
@@ -180,9 +182,9 @@ class QualitySampler:
     def _strain_history(
         self, strand: StrandState, position: float, rated_from: float, first: bool
     ) -> tuple[TimedStrains, ...]:
-        """Generalized strains from one pitch ago, the longest there is, to now.
+        """Generalized strains over the longest pitch up to now.
 
-        They reach back to what rates are counted from, too.
+        They include the time from which rates are computed.
         """
         if self._mechanics is None or strand.mechanical is None:
             return ()
@@ -222,9 +224,9 @@ class QualitySampler:
         )  # fmt: skip
 
     def _rate(self, start: Array, end: Array) -> Array:
-        """Axial strain rate between two instants (n,), 1/s.
+        """Axial strain rate between two times (n,), 1/s.
 
-        Where the slice strains largely it is that of the true strain, as its stress sees it.
+        With large strains it is the rate of the true strain, as in the stress update.
         """
         assert self.simulation.case.mechanics is not None
         before, after = (self._strain(strains) for strains in (start, end))
@@ -233,11 +235,11 @@ class QualitySampler:
         return np.asarray((after - before) / (end[0] - start[0]))
 
     def _strain(self, strains: Array) -> Array:
-        """Axial strain by generalized strains (n,)."""
+        """Axial strain from generalized strains (n,)."""
         return np.asarray(strains[1] + self.place @ strains[2:])
 
     def _over_a_pitch(self, strain_history: tuple[TimedStrains, ...], position: float) -> Array:
-        """Axial strain rate, mean over the last pitch of rolls or what has passed of it, (n,)."""
+        """Axial strain rate averaged over the last roll pitch, or so far, (n,)."""
         if not self.state.caster.longest_pitch:
             return np.zeros(len(self.place))
         pitch, table = self.state.caster.pitch(position), np.array(strain_history)
@@ -246,13 +248,13 @@ class QualitySampler:
         return self._rate(start, table[-1])
 
     def _largest(self, index: CrackIndex, values: Array, time: float, position: float) -> Worst:
-        """The largest value here and its place (collective)."""
+        """Return the largest value and its place (collective)."""
         counted = self._on_surface if index.on == "surface" else np.full(len(values), True)
         comm = self.simulation.section.comm
         return Worst(*reductions.peak(comm, values[counted], self.place[counted]), time, position)
 
     def _passed(self, centre: float, time: float) -> dict[float, float]:
-        """Where the centre line reached each solid fraction, linear in time between two steps."""
+        """Positions where the centre line reached each solid fraction, linear within a step."""
         old, found = self.state, dict(self.state.passed)
         for fraction, level in self._levels.items():
             if not centre < level:
@@ -264,7 +266,7 @@ class QualitySampler:
         return found
 
     def headings(self) -> dict[tuple[str, str], Heading]:
-        """What holds for all rows of each kind of maps, by the names of their files."""
+        """Headings of the maps of each kind, by the names of their files."""
         caster, thickness = self.state.caster, thickness_of(self.simulation.case.section)
 
         def heading(
@@ -280,7 +282,7 @@ class QualitySampler:
         return found
 
     def _lines(self) -> SurfaceLine:
-        """The places along the probe lines over whose depths criteria are mapped."""
+        """Points on the probe lines at which criteria are mapped over the depth."""
         probes = self.simulation.probes
         place, depth = [], []
         for name, (start, end) in probes.lines.items():
@@ -299,7 +301,7 @@ class QualitySampler:
         return [i for i in self.indexes if i.on == "surface" and (i.followed or not followed)]
 
     def rows(self) -> list[Array]:
-        """A row (maps, places) of each kind of maps on rank 0, none elsewhere (collective)."""
+        """A row (maps, places) of each kind of maps on rank 0, empty elsewhere (collective)."""
         gather, state = self.simulation.section.gather, self.state
         owned = [state.temperature, *(state.values[index.name] for index in self._mapped())]
         whole = [values for values in map(gather, owned) if values is not None]
@@ -312,7 +314,7 @@ class QualitySampler:
         return found
 
     def arrays(self) -> dict[str, Array]:
-        """What a checkpoint must hold at the owned vertices."""
+        """Arrays for a checkpoint at the owned vertices."""
         kept = (index.name for index in self.indexes if index.accumulates)
         found = {f"quality_{name}": self.state.values[name] for name in kept}
         if self._mechanics is not None:  # the last sample is the state itself
@@ -323,7 +325,7 @@ class QualitySampler:
         return found
 
     def memory(self) -> dict[str, Any]:
-        """What else a checkpoint must hold."""
+        """Other data for a checkpoint."""
         state = self.state
         return {
             "time": state.time,
@@ -336,7 +338,7 @@ class QualitySampler:
         }
 
     def recall(self, memory: Mapping[str, Any], by_node: Mapping[str, Array]) -> None:
-        """Take up what `memory` and `arrays`, by node, gave."""
+        """Restore `memory` and `arrays`, the latter by node."""
         values, nodes = dict(self.state.values), self.simulation.section.node_of_owned
         for name in values:
             if f"quality_{name}" in by_node:
@@ -349,7 +351,7 @@ class QualitySampler:
             for k, time in enumerate(memory.get("recent", ()))
             if f"quality_recent_{k}" in by_node
         ]
-        recent.append((memory["time"], self.state.temperature))  # which `note` is to replace
+        recent.append((memory["time"], self.state.temperature))  # replaced by `note`
         self.state = replace(
             self.state, time=memory["time"], values=values, strain_history=tuple(strain_history),
             recent=tuple(recent),

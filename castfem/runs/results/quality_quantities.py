@@ -1,4 +1,4 @@
-"""Crack indexes, ends of the pool, soft reduction: quantities of a case with the table [quality].
+"""Results of a case with [quality]: crack indexes, ends of the liquid core, soft reduction.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -23,34 +23,34 @@ POOL = (0.1, 0.3, 0.7, 1.0)
 
 @crack_index("I1", "MPa", "I1, axial tension in the band", needs=("mechanics",))
 def axial_tension(step: SliceStep) -> Array:
-    """Axial tension where the steel has little ductility (324)."""
+    """Axial tension in the temperature range of low ductility (324)."""
     return np.where(step.in_band, np.maximum(step.axial_stress, 0.0), 0.0)
 
 
 @crack_index("I2", "1/s", "I2, axial strain rate in the band", needs=("mechanics",))
 def axial_strain_rate(step: SliceStep) -> Array:
-    """Rate of axial strain where the steel has little ductility (325)."""
+    """Axial strain rate in the temperature range of low ductility (325)."""
     return np.where(step.in_band, np.maximum(step.strain_rate, 0.0), 0.0)
 
 
 @crack_index("I2_mechanical", "1/s", "mechanical part of I2", needs=("mechanics",))
 def mechanical_strain_rate(step: SliceStep) -> Array:
-    """Rate of axial strain less that of thermal expansion, where the steel has little ductility."""
+    """Axial strain rate without thermal expansion, in the temperature range of low ductility."""
     return np.where(step.in_band, np.maximum(step.mechanical_rate, 0.0), 0.0)
 
 
 @crack_index("I2_pitch", "1/s", "I2, mean over a pitch", needs=("mechanics", "machine"))
 def pitch_strain_rate(step: SliceStep) -> Array:
-    """Rate of axial strain where the steel has little ductility, mean over the last pitch of rolls.
+    """Axial strain rate in the range of low ductility, averaged over the last roll pitch.
 
-    The curvature is linear between the rolls, so that I2 itself jumps at them.
+    The curvature is linear between the rolls, so that I2 itself jumps at the rolls.
     """
     return np.where(step.in_band, np.maximum(step.pitch_rate, 0.0), 0.0)
 
 
 @crack_index("band_time", "s", "time in the low-ductility band", accumulates=True)
 def band_time(step: SliceStep) -> Array:
-    """Time that the surface has spent in the low-ductility band."""
+    """Time that the surface has spent in the temperature range of low ductility."""
     return step.value + step.duration * step.share_within(*step.settings.band)
 
 
@@ -59,10 +59,10 @@ def band_time(step: SliceStep) -> Array:
     on="section", accumulates=True,
 )  # fmt: skip
 def brittle_strain(step: SliceStep) -> Array:
-    """Mechanical axial tension strain that a place takes on its way through the brittle range.
+    """Mechanical axial tensile strain accumulated in the brittle range.
 
-    What it is compressed there is taken off. That is what bending, straightening and misalignment
-    do to the front of solidification.
+    Compression in the range is subtracted. It is the effect of bending, straightening and
+    misalignment on the solidification front.
     """
     taken = step.mechanical_strain * step.share_within(*step.brittle)
     return np.maximum(step.value + taken, 0.0)
@@ -75,7 +75,7 @@ def brittle_strain(step: SliceStep) -> Array:
 def critical_share(sample: Sample) -> float | None:
     """Largest strain in the brittle range over `quality.critical_strain`, if that is given.
 
-    From 100 % on the mushy zone tears.
+    The mushy zone cracks from 100 % on.
     """
     assert sample.simulation.case.quality is not None
     critical = sample.simulation.case.quality.critical_strain
@@ -94,7 +94,7 @@ def _declare_pool_end(fraction: float) -> Callable[[Sample], float | None]:
         f"solid fraction {fraction:g} on the centre line", column=False, needs=("quality",),
     )  # fmt: skip
     def pool_end(sample: Sample) -> float | None:
-        """Where the solid fraction on the centre line has come to 0.1, 0.3, 0.7, 1."""
+        """Position at which the solid fraction on the centre line reaches 0.1, 0.3, 0.7, 1."""
         return sample.judged.passed.get(fraction)
 
     return pool_end
@@ -120,7 +120,7 @@ def _between_rolls(sample: Sample) -> str:
     needs=("quality",),
 )  # fmt: skip
 def soft_reduction_length(sample: Sample) -> float | None:
-    """Length over which the centre line has the solid fractions of `quality.soft_reduction`."""
+    """Length with a centre solid fraction within `quality.soft_reduction`."""
     window = _window(sample)
     return None if window is None else window[1] - window[0]
 

@@ -1,8 +1,8 @@
-"""The tables of columns and results in docs/output.md, from the registry of quantities.
+"""Writes the tables of columns and results in docs/output.md from the registry of quantities.
 
     python -m castfem.runs.results.reference_table docs/output.md
 
-writes them anew, each between its two marks.
+updates each of them between its two marks.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _BLOCK = re.compile(r"(<!-- quantities: (.+?) -->\n).*?(<!-- end of quantities -
 
 
 def blocks() -> dict[str, str]:
-    """The text of each block by its name."""
+    """Text of each block, by name."""
     everything = declared()
     columns = [d for d in everything if d.column]
     found = {
@@ -29,7 +29,7 @@ def blocks() -> dict[str, str]:
 
 
 def written(page: str) -> str:
-    """The page with its blocks written anew."""
+    """The page with updated blocks."""
     texts = blocks()
     return _BLOCK.sub(lambda m: f"{m[1]}\n{texts[m[2]]}\n{m[3]}", page)
 
@@ -44,7 +44,7 @@ def _name(definition: QuantityDefinition) -> str:
 
 def _columns(definitions: Iterable[QuantityDefinition]) -> str:
     rows = (f"| {_name(d)} | {d.unit} | {d.about} |\n" for d in definitions)
-    return "| column | unit | what it is |\n|---|---|---|\n" + "".join(rows)
+    return "| column | unit | description |\n|---|---|---|\n" + "".join(rows)
 
 
 def _results(definitions: Iterable[QuantityDefinition]) -> str:

@@ -1,4 +1,4 @@
-"""Which quantities a simulation has: the columns of its history, and its results."""
+"""Selects the quantities of a simulation: the columns of its history, and its results."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 
 def columns_of(simulation: Simulation) -> Iterator[tuple[QuantityDefinition, str]]:
-    """The columns of history.csv: each definition with its probe, "" for the whole slice."""
+    """Columns of history.csv: each definition with its probe, "" for the whole slice."""
     return _at_probes(simulation, (d for d in declared() if d.column))
 
 
 def results_of(simulation: Simulation) -> Iterator[tuple[QuantityDefinition, str]]:
-    """The results in summary.json in the same way."""
+    """Results of summary.json, in the same form."""
     return _at_probes(simulation, in_summary_order())
 
 
 def _at_probes(
     simulation: Simulation, definitions: Iterable[QuantityDefinition]
 ) -> Iterator[tuple[QuantityDefinition, str]]:
-    """Those that the simulation has; neighbours that are taken at the probes go probe by probe.
+    """Quantities of the simulation; adjacent definitions for probes are grouped by probe.
 
-    The shell to the solid fractions that the case asks for comes last.
+    Shells at further solid fractions that the case requests come last.
     """
     probes: dict[Each, tuple[str, ...]] = {
         "": ("",),
@@ -48,17 +48,17 @@ def _at_probes(
 
 
 class Columns:
-    """The columns of a simulation, found once: which there are does not change as it goes on.
+    """The columns of a simulation, which do not change during the run.
 
     Attributes:
-        heading: Name and unit of each.
+        heading: Name and unit of each column.
     """
 
     def __init__(self, simulation: Simulation) -> None:
-        """Find them."""
+        """Select the columns."""
         self._having = [(d, probe, d.named(probe)) for d, probe in columns_of(simulation)]
         self.heading = [(name, d.unit) for d, _, name in self._having]
 
     def row(self, sample: Sample) -> dict[str, float]:
-        """One row of the history in its units (collective)."""
+        """Return one row of the history in its units (collective)."""
         return {name: d.in_unit(d.value(sample, probe)) for d, probe, name in self._having}

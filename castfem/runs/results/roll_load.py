@@ -1,4 +1,4 @@
-"""What the rolls bear, and how far the shell bulges between them, from the history of a run."""
+"""Roll forces and bulging between the rolls, from the history of a run."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _NAMES = {_FORCE: "force on roll {}, a metre of width", BULGE: "bulge below roll
 
 @dataclass(frozen=True, slots=True)
 class RollLoads:
-    """What each pair of rolls bears, and the largest bulge of the pitch below it."""
+    """Force on each pair of rolls, and largest bulge in the pitch below it."""
 
     stations: Stations  #: the rolls
-    #: by the name of the column the number of each pair, from 1 on, to its value
+    #: by column name, the value of each pair by its number, from 1
     values: Mapping[str, Mapping[int, float]]
     units: Mapping[str, str]  #: of the columns
 
     @classmethod
     def of(cls, folder: Path) -> RollLoads | None:
-        """Those of a run; None of one without rolls, or without bulging."""
+        """Read those of a run; None without rolls or bulging."""
         case = case_with(folder, "bulging")
         rolls = None if case is None or case.machine is None else case.machine.pairs()
         if case is None or rolls is None:
@@ -44,16 +44,16 @@ class RollLoads:
 
     @classmethod
     def read(cls, folder: Path, stations: Stations) -> RollLoads | None:
-        """Those of a run between rolls that are known; None of one without any, or without bulging.
+        """Read those of a run with known rolls; None without rolls or bulging.
 
-        The history has the force on a pair in the rows of the pitch below it, the one at the next
-        pair included.
+        The history has the force on a pair in the rows of the pitch below it, up to and including
+        the next pair.
         """
         if stations.rolls is None:
             return None
         try:
             table = read_columns(folder / HISTORY_NAME)
-        except InputError:  # told where its figures are drawn
+        except InputError:  # reported where its figures are drawn
             return None
         having = [name for name in (_FORCE, BULGE) if has_values(table, name)]
         if not having:
@@ -69,13 +69,13 @@ class RollLoads:
         return cls(stations, values, {name: unit_of(table, name) for name in having})
 
     def largest(self, name: str) -> tuple[int, float] | None:
-        """Number and value of the pair with the largest; None if there is nothing above 0."""
+        """Number and value of the pair with the largest value; None if none is above 0."""
         found = self.values.get(name, {})
         number = max(found, key=lambda one: found[one], default=0)
         return (number, found[number]) if number and found[number] > 0.0 else None
 
     def quantities(self) -> dict[str, Quantity]:
-        """The largest bulge and force, for tables of many runs."""
+        """Largest bulge and force, for tables of many runs."""
         labels = {
             BULGE: ("bulge_largest", "largest bulge between rolls"),
             _FORCE: ("roll_force_largest", "largest force on a roll, a metre of width"),
@@ -88,7 +88,7 @@ class RollLoads:
         return found
 
     def changes(self, base: RollLoads) -> Iterator[str]:
-        """Where force and bulge differ most from those of another run of the same rolls."""
+        """Yield where force and bulge differ most from those of another run with the same rolls."""
         for name, words in _NAMES.items():
             ours, theirs = self.values.get(name, {}), base.values.get(name, {})
             both = [number for number in ours if number in theirs]
@@ -103,13 +103,13 @@ class RollLoads:
                 yield f"{words.format(number)}: {' -> '.join(values)}, at {where}"
 
     def where(self, number: int) -> str:
-        """Words for the place of a pair."""
+        """Position of a pair as text."""
         assert self.stations.rolls is not None, "it has forces"
         return self.stations.words(self.stations.rolls.pairs[number - 1].position)
 
 
 def heaviest_roll(folder: Path, stations: Stations) -> Iterator[tuple[str, str]]:
-    """The largest force on a pair of rolls, and which pair it is; nothing without bulging."""
+    """Yield the largest force on a pair of rolls, and which pair; nothing without bulging."""
     loads = RollLoads.read(folder, stations)
     found = None if loads is None else loads.largest(_FORCE)
     if loads is None or found is None:

@@ -1,4 +1,4 @@
-"""The case in the folder of a run: what is shown of it, in which units, and its errors' page."""
+"""Reads the case in the folder of a run: keys, units, and the page on its errors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from castfem.model import Case, load_case, read_case, shipped_cases
 from castfem.model.shipped_cases import CASE_NAME
 
 _BILLET = 'docs/billet.md, "Error of the shipped default"'
-# Beginnings of the names of shipped cases, and the page on their errors; the first one counts.
+# Prefixes of shipped cases, and the page on their errors; the first match counts.
 _PAGES = (
     ("billet125/thermal", "docs/benchmarks.md"),
     ("billet125/idealised", _BILLET),
@@ -21,11 +21,11 @@ _PAGES = (
 
 
 def case_with(folder: Path, *words: str) -> Case | None:
-    """Return the case of a run that has one of some words; None without, or if it is damaged.
+    """Return the case of a run that contains one of some words; None if not, or damaged.
 
     Args:
-        folder: Of the run.
-        words: Keys; cases without any of them are not read further.
+        folder: Folder of the run.
+        words: Keys; a case without any of them is not parsed.
     """
     path = folder / CASE_NAME
     try:
@@ -38,10 +38,10 @@ def case_with(folder: Path, *words: str) -> Case | None:
 
 
 def error_page(folder: Path) -> str:
-    """Return which page of the documentation tabulates the errors of a run's numbers.
+    """Return the page of the documentation with the errors of a run's numbers.
 
-    Mesh, windows and all else must be as shipped; otherwise, and for cases whose errors have not
-    been measured, it is empty.
+    Mesh, windows and everything else must be as shipped; otherwise, and for cases whose errors have
+    not been measured, it is "".
     """
     file = folder / CASE_NAME
     case = read_case(file).sound if file.is_file() else None
@@ -60,7 +60,7 @@ def error_page(folder: Path) -> str:
 
 
 def error_lines(folders: Mapping[str, Path]) -> list[str]:
-    """Return a line for each page that tabulates errors of runs in some folders."""
+    """Return a line for each page on the errors of the runs in some folders."""
     runs: dict[str, list[str]] = {}
     for name, folder in folders.items():
         runs.setdefault(error_page(folder), []).append(name)
@@ -74,10 +74,10 @@ def error_lines(folders: Mapping[str, Path]) -> list[str]:
 
 
 def units_of_run(folder: Path) -> ShownUnits:
-    """The choice of the case in the folder of a run; the units of the plant where it makes none.
+    """Return the units of the case in the folder of a run; those of the plant if it chooses none.
 
     Raises:
-        InputError: It is not a choice of units.
+        InputError: The choice of units is not valid.
     """
     path = folder / CASE_NAME
     try:

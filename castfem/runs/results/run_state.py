@@ -1,4 +1,4 @@
-"""Where a run stands: what goes round between time loop, recorder, checkpoint and summary."""
+"""State of a run, shared by time loop, recorder, checkpoint and summary."""
 
 from __future__ import annotations
 
@@ -25,31 +25,32 @@ if TYPE_CHECKING:
 STORED = {
     "windows": "intervals", "coupling_iterations": "passes", "gap_not_converged": "unsettled",
 }  # fmt: skip
-"""Counts that a checkpoint holds under other names, which it has had from the beginning."""
+"""Counts whose names in a checkpoint differ, for compatibility."""
 
 
 @dataclass(slots=True)
 class Counts:
-    """Counts of a run, those before it was resumed included."""
+    """Counts of a run, including those before a resume."""
 
     steps: int = 0  #: thermal steps
-    rejected: int = 0  #: tried and not kept
-    #: taken by backward Euler because the second-order scheme left the physical bounds, or would
-    #: have come back
+    rejected: int = 0  #: rejected thermal steps
+    #: steps by backward Euler, where the second-order scheme left the physical bounds, or would
+    #: again
     limited: int = 0
-    windows: int = 0  #: of the coupling
-    cut_back: int = 0  #: that failed
-    cut_for_error: int = 0  #: whose error was too large
-    coupling_iterations: int = 0  #: in windows that were kept
-    #: windows repeated as often as allowed, as short as sensible, whose gap still changed
+    windows: int = 0  #: coupling windows
+    cut_back: int = 0  #: windows shortened after a failure
+    cut_for_error: int = 0  #: windows shortened for their error
+    coupling_iterations: int = 0  #: in accepted windows
+    #: windows whose gap had not converged after the largest number of iterations, at the shortest
+    #: length
     gap_not_converged: int = 0
-    alone: int = 0  #: commits of the temperature alone
-    newton: int = 0  #: Newton iterations of the temperature, those of what was not kept included
-    newton_mechanics: int = 0  #: likewise of the mechanics
+    alone: int = 0  #: commits of the temperature only
+    newton: int = 0  #: thermal Newton iterations, including those of rejected steps
+    newton_mechanics: int = 0  #: mechanical Newton iterations, likewise
 
     @property
     def taken(self) -> int:
-        """Commits so far: coupling windows, and thermal steps without mechanics."""
+        """Number of commits: coupling windows, and thermal steps without mechanics."""
         return self.windows + self.alone if self.windows else self.steps
 
     def stored(self) -> dict[str, int]:
@@ -58,46 +59,46 @@ class Counts:
 
     @classmethod
     def restored(cls, counts: Mapping[str, int]) -> Counts:
-        """The inverse of `stored`."""
+        """Inverse of `stored`."""
         names = {key: name for name, key in STORED.items()}
         return cls(**{names.get(key, key): count for key, count in counts.items()})
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """All that a run goes on from, as it stood when its files were written last."""
+    """Everything from which a run continues, at the time its files were last written."""
 
     state: StrandState  #: the committed state
-    sample: Sample  #: taken of it
+    sample: Sample  #: sample of that state
     counts: Counts  #: so far
-    zone: int  #: index of the cooling
-    memory: dict[str, float | None]  #: of the sampler
-    snapshots: dict[float, dict[str, Quantity]]  #: results at the references' positions
+    zone: int  #: index of the cooling zone
+    memory: dict[str, float | None]  #: numbers kept by the sampler
+    snapshots: dict[float, dict[str, Quantity]]  #: results at the positions of references
     quality: QualityState | None  #: crack indexes; None in a case without [quality]
 
 
 @dataclass(slots=True)
 class RunState:
-    """A run between two steps. It holds nothing that is not committed."""
+    """A run between two steps; everything in it is committed."""
 
-    simulation: Simulation  #: the objects of the run
+    simulation: Simulation  #: the simulation
     state: StrandState  #: the committed state
-    sampler: Sampler  #: takes samples of the state, and knows the extremes of the whole run
-    #: takes the mechanical state apart; None without mechanics
+    sampler: Sampler  #: samples the state, and keeps the extremes of the whole run
+    #: converts the mechanical state for a checkpoint; None without mechanics
     mechanical_checkpoint: MechanicalCheckpoint | None = None
-    counts: Counts = field(default_factory=Counts)  #: of steps and iterations
-    sample: Sample | None = None  #: the last one; None before the first
-    zone: int = -1  #: index of the cooling; -1 before the first
-    #: results at the positions (m) for which the case has references
+    counts: Counts = field(default_factory=Counts)  #: numbers of steps and iterations
+    sample: Sample | None = None  #: last sample; None before the first
+    zone: int = -1  #: index of the cooling zone; -1 before the first
+    #: results at the positions (m) of references
     snapshots: dict[float, dict[str, Quantity]] = field(default_factory=dict)
-    #: results and balances of forces as a checkpoint has them, until the next step: what a step
-    #: finds out, and the heat flux through its gap, are no part of the state
+    #: results and force balances from a checkpoint, until the next step: results of a step, and the
+    #: heat flux through its gap, are not part of the state
     restored: tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]] | None = None
     _recorded: Recorded | None = None
 
     @classmethod
     def at_start(cls, simulation: Simulation) -> RunState:
-        """A run that has not begun."""
+        """A run before its first step."""
         thermal = starting_state(simulation)
         state = (
             StrandState(thermal, None, np.zeros(0), step=simulation.control.first)
@@ -113,22 +114,22 @@ class RunState:
 
     @property
     def position(self) -> float:
-        """Of the slice below the meniscus, m."""
+        """Position of the slice below the meniscus, m."""
         return self.simulation.machine.position(self.state.time)
 
     @property
     def reached(self) -> dict[str, float]:
-        """How far the run has come, for run.json: time in s, position in m, thermal steps."""
+        """Progress of the run for run.json: time in s, position in m, number of thermal steps."""
         return {"time": self.state.time, "position": self.position, "step": self.counts.steps}
 
     def take_sample(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> Sample:
-        """Take a sample of the committed state, and of the step that led to it (collective)."""
+        """Sample the committed state and the step that led to it (collective)."""
         self.restored = None
         self.sample = self.sampler.read(self.state, substeps, mechanical)
         return self.sample
 
     def remember(self) -> None:
-        """Keep what has been recorded: states are never written into, the rest is copied."""
+        """Remember the recorded state: states are never modified, the rest is copied."""
         sample = self.sample
         assert sample is not None, "a sample has been taken"
         self._recorded = Recorded(
@@ -142,7 +143,7 @@ class RunState:
         )
 
     def fall_back(self) -> bool:
-        """Take back what is not recorded, after an error at whatever place; False if nothing is."""
+        """Return to the recorded state after an error; False if nothing has been recorded."""
         good = self._recorded
         if good is None:
             return False

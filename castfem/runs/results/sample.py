@@ -1,4 +1,4 @@
-"""A sample: what is read off the slice after a step, in SI, and the worst on the way.
+"""Sample of the slice after a step, in SI, and extremes along the way.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -22,45 +22,45 @@ if TYPE_CHECKING:
     from castfem.runs.results.quality import QualityState
 
 
-SMOOTH_ORDER = 32  # of smooth twins: ratio of the integrals of stress^32 and stress^31
+SMOOTH_ORDER = 32  # smooth maximum: ratio of the integrals of stress^32 and stress^31
 
 
 @dataclass(slots=True)
 class Extremes:
-    """What a run would otherwise have forgotten; a checkpoint holds its numbers under a prefix."""
+    """Base of values over the whole run; a checkpoint stores them under a prefix."""
 
     prefix: ClassVar[str]
 
     def memory(self) -> dict[str, float | None]:
-        """What a checkpoint must hold of it."""
+        """Numbers for a checkpoint."""
         return {key: getattr(self, one.name) for key, one in self._numbers()}
 
     def recall(self, memory: dict[str, float | None]) -> None:
-        """Restore what `memory` gave; an older checkpoint has not all of it."""
+        """Restore `memory`; an older checkpoint may lack entries."""
         for key, one in self._numbers():
             value = memory.get(key)
             setattr(self, one.name, one.default if value is None else value)
 
     def _numbers(self) -> Iterator[tuple[str, Field[Any]]]:
-        """The fields that change on the way, by their keys in a checkpoint."""
+        """Fields that change during the run, by their keys in a checkpoint."""
         yield from ((f"{self.prefix}_{f.name}", f) for f in fields(self) if f.default != MISSING)
 
 
 @dataclass(slots=True)
 class MouldExtremes(Extremes):
-    """What the slice has met in its mould."""
+    """Extremes of the contact of the slice with its mould."""
 
     prefix: ClassVar[str] = "mould"
-    length: float  #: of the mould, m
-    gap: float = 0.0  #: largest so far, m
-    share: float = 1.0  #: least part of the surface in contact
-    pressure: float = 0.0  #: largest of the contact at a point, Pa
-    mean_pressure: float = 0.0  #: as mean over a length
-    penetration: float = 0.0  #: deepest of the surface into the wall, m
-    heat: float = 0.0  #: removed per length of strand, J/m
+    length: float  #: length of the mould, m
+    gap: float = 0.0  #: largest gap so far, m
+    share: float = 1.0  #: smallest part of the surface in contact
+    pressure: float = 0.0  #: largest contact pressure at a point, Pa
+    mean_pressure: float = 0.0  #: largest contact pressure averaged over a length, Pa
+    penetration: float = 0.0  #: deepest penetration of the surface into the wall, m
+    heat: float = 0.0  #: heat removed per length of strand, J/m
 
     def note(self, sample: Sample) -> None:
-        """Take in one more coupling window."""
+        """Process a coupling window."""
         if is_below(sample.position, self.length):
             return
         self.heat = sample.removed
@@ -75,7 +75,7 @@ class MouldExtremes(Extremes):
 
 @dataclass(slots=True)
 class LargestStress(Extremes):
-    """The largest von Mises stress on the way, and where it was."""
+    """The largest von Mises stress along the way, and where it was."""
 
     prefix: ClassVar[str] = "strained"
     stress: float = 0.0  #: Pa
@@ -84,7 +84,7 @@ class LargestStress(Extremes):
     y: float = 0.0  #: on the undeformed mesh, m
 
     def note(self, sample: Sample) -> None:
-        """Take in one more coupling window."""
+        """Process a coupling window."""
         mechanics = sample.mechanics
         if mechanics is not None and mechanics.peak > self.stress:
             self.stress, self.position = mechanics.peak, sample.position
@@ -93,47 +93,47 @@ class LargestStress(Extremes):
 
 @dataclass(frozen=True, slots=True)
 class SmoothPeak:
-    """The smooth twin of the largest von Mises stress of a section: a ratio of two integrals."""
+    """Smooth approximation of the largest von Mises stress: ratio of two integrals."""
 
-    peak: float  #: the largest, Pa
+    peak: float  #: the largest stress, Pa
     above: float  #: integral over the section of (stress / peak)^32, m2
-    below: float  #: of that to the power of 31
+    below: float  #: the same with exponent 31
 
     @property
     def stress(self) -> float:
-        """The twin, Pa."""
+        """The smooth approximation, Pa."""
         return self.peak * self.above / self.below if self.below else 0.0
 
 
 @dataclass(slots=True)
 class SmoothStress(Extremes):
-    """The smooth twin of the largest von Mises stress on the way: both integrals along it, too.
+    """The smooth approximation along the way: both integrals over section and position.
 
-    By the trapezoidal rule between slices; stresses over the largest so far.
+    Integrated by the trapezoidal rule between slices; stresses relative to the largest so far.
     """
 
     prefix: ClassVar[str] = "smooth"
     peak: float = 0.0  #: the largest so far, Pa
     above: float = 0.0  #: integral of (stress / peak)^32 over section and way, m3
-    below: float = 0.0  #: of that to the power of 31
-    position: float | None = None  #: of the last slice, m; None before the first one
-    last_peak: float = 0.0  #: its own largest, Pa
-    last_above: float = 0.0  #: its own integral, m2
-    last_below: float = 0.0  #: likewise
+    below: float = 0.0  #: the same with exponent 31
+    position: float | None = None  #: position of the last slice, m; None before the first one
+    last_peak: float = 0.0  #: largest stress of the last slice, Pa
+    last_above: float = 0.0  #: integral over the last slice, m2
+    last_below: float = 0.0  #: the same with exponent 31
 
     @property
     def stress(self) -> float:
-        """The twin, Pa."""
+        """The smooth approximation, Pa."""
         return self.peak * self.above / self.below if self.below else 0.0
 
     def note(self, sample: Sample) -> None:
-        """Take in one more coupling window."""
+        """Process a coupling window."""
         new = None if sample.mechanics is None else sample.mechanics.smooth
         if new is not None:
             self.add(new, sample.position)
 
     def add(self, new: SmoothPeak, position: float) -> None:
-        """Take in a section at a position, m."""
+        """Add a section at a position, m."""
         largest = max(self.peak, new.peak)
         half = 0.0 if self.position is None else 0.5 * (position - self.position)
         parts = (
@@ -150,21 +150,21 @@ class SmoothStress(Extremes):
 
 @dataclass(slots=True)
 class BeyondData:
-    """The largest share of the shell on the way beyond the data of its law, and where it was."""
+    """Largest fraction of the shell beyond the data of its law so far, and where."""
 
-    #: by kind (`castfem.physics.constitutive.base.KINDS`) the share, and the position of the slice
-    #: below the meniscus, m
+    #: by kind (`castfem.physics.constitutive.base.KINDS`): the fraction, and the position of the
+    #: slice below the meniscus, m
     worst: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def note(self, sample: Sample) -> None:
-        """Take in one more window."""
+        """Process a window."""
         beyond = {} if sample.mechanics is None else sample.mechanics.beyond
         for kind, share in beyond.items():
             if kind not in self.worst or share > self.worst[kind][0]:
                 self.worst[kind] = share, sample.position
 
     def memory(self) -> dict[str, float | None]:
-        """What a checkpoint must hold of it."""
+        """Numbers for a checkpoint."""
         names = ("share", "position")
         return {
             f"{kind}_{name}": value
@@ -173,9 +173,9 @@ class BeyondData:
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
-        """Restore what `memory` gave; an older checkpoint has nothing of it."""
+        """Restore `memory`; an older checkpoint lacks it."""
         from castfem.physics.constitutive.base import (
-            KINDS,  # no part of a run without mechanics
+            KINDS,  # not needed without mechanics
         )
 
         for kind in KINDS:
@@ -186,12 +186,12 @@ class BeyondData:
 
 @dataclass(frozen=True, slots=True)
 class MechanicalSample:
-    """What is known of the strained slice at one time, in SI."""
+    """Sample of the strained slice, in SI."""
 
     newton: int  #: Newton iterations of the step
-    flowing: float  #: share of the area that flows
+    flowing: float  #: fraction of the area that is yielding
     peak: float  #: largest von Mises stress at a point, Pa
-    peak_at: tuple[float, float]  #: where, on the undeformed mesh, m
+    peak_at: tuple[float, float]  #: its place on the undeformed mesh, m
     surface_stress: dict[str, float]  #: von Mises stress at the start of each probe, Pa
     moved: dict[str, float]  #: outward displacement of the start of each probe, m
     across: dict[str, float]  #: size of the section through each probe that ends in its centre, m
@@ -200,101 +200,101 @@ class MechanicalSample:
     gradients: tuple[float, float]
     balance: Balance | None  #: forces of the step; None at the start
     load: float  #: external axial force, N
-    #: friction of the strand above, accumulated, N. The sum of both is the force of the stress
-    #: where the planes are free: (38).
+    #: accumulated friction of the strand above, N. With free planes the sum of both is the force of
+    #: the stress: (38).
     withdrawal_resistance: float
-    contact: ContactSummary | None  #: with the mould, all of it together; None without a mould
-    #: to the wall at the start of each probe, m, NaN where there is none, as below the end of the
-    #: mould; empty without a mould
+    contact: ContactSummary | None  #: contact with the whole mould; None without a mould
+    #: gap at the start of each probe, m, NaN without a wall, as below the end of the mould; empty
+    #: without a mould
     gap: dict[str, float]
-    #: contact pressure there, a mean over a length of the surface, Pa; likewise
+    #: contact pressure there, averaged over a length of the surface, Pa; likewise
     pressure: dict[str, float]
-    #: share of the solid that is colder, hotter, strained faster than the data of the law; empty
-    #: where the law does not say, or while there is hardly a shell
+    #: fractions of the solid that are colder, hotter or strained faster than the data of the law;
+    #: empty if the law has no such limits, or if there is hardly a shell
     beyond: dict[str, float]
-    axial_stress: dict[str, float]  #: stress along the strand at the start of each probe, Pa
-    bending: Bending  #: by the machine's curvature
-    #: axial force that bending has left, N: the rolls turn it with the strand, and the drives pay
-    #: for the work. With `load` and `withdrawal_resistance` it is the force of the stress where the
-    #: neutral axis is free.
+    axial_stress: dict[str, float]  #: axial stress at the start of each probe, Pa
+    bending: Bending  #: bending by the curvature of the machine
+    #: axial force from bending, N: the rolls turn it with the strand, and the drives supply the
+    #: work. With `load` and `withdrawal_resistance` it is the force of the stress if the neutral
+    #: axis is free.
     bending_force: float
-    smooth: SmoothPeak | None = None  #: smooth twin of `peak`; None where it is not asked for
+    smooth: SmoothPeak | None = None  #: smooth approximation of `peak`; None if not requested
 
 
 @dataclass(slots=True)
 class Sample:
-    """What is known of the slice at one time, in SI, K; a quantity is computed from it."""
+    """Sample of the slice at one time, in SI, K, from which quantities are computed."""
 
-    simulation: Simulation  #: the objects of the run
-    state: StrandState  #: the committed state that was read
+    simulation: Simulation  #: the simulation
+    state: StrandState  #: the sampled committed state
     time: float  #: s
-    position: float  #: below the meniscus, m
+    position: float  #: position below the meniscus, m
     step: float  #: length of the last step, s
     newton: int  #: Newton iterations of the step
     profiles: dict[str, Profile]  #: temperature along each probe
-    #: depth of the solidus below the surface, by probe, m; liquidus likewise. Of a slice through
-    #: which the heat flows as it has moved, where they are now.
+    #: depth of the solidus below the surface, by probe, m; liquidus likewise. If heat is computed
+    #: on the deformed slice, at their present places.
     shell: dict[str, float]
     liquidus: dict[str, float]
-    #: size of the cell in which the solidus lies, along the probe's line, m; NaN without
+    #: size of the cell that contains the solidus, along the probe's line, m; NaN without a solidus
     cell: dict[str, float]
     flux: dict[str, float]  #: heat flux at the probe's surface point, W/m2
     removed: float  #: heat removed from the whole section since the meniscus, J per m of strand
     temperature_range: tuple[float, float]  #: coldest and hottest vertex, K
     balance: float  #: heat balance of the step
-    #: the strained slice; None in a simulation without mechanics
+    #: sample of the strained slice; None without mechanics
     mechanics: MechanicalSample | None = None
-    largest_stress: LargestStress = field(default_factory=LargestStress)  #: on the way to here
-    beyond_data: BeyondData = field(default_factory=BeyondData)  #: likewise
-    #: the smooth twin of that stress; None where it is not asked for
+    largest_stress: LargestStress = field(default_factory=LargestStress)  #: along the way
+    beyond_data: BeyondData = field(default_factory=BeyondData)  #: along the way
+    #: smooth approximation of that stress; None if not requested
     smooth_stress: SmoothStress | None = None
-    #: where the last vertex passed the solidus, m; None while liquid is left
+    #: position at which the last vertex passed the solidus, m; None while liquid is left
     metallurgical_length: float | None = None
-    liquid_end: float | None = None  #: where it passed the liquidus
-    mould_flux: float | None = None  #: mean of the mould so far, W/m2; None without
-    #: of the contact in the mould so far; None without a mould
+    liquid_end: float | None = None  #: position at which it passed the liquidus, m
+    mould_flux: float | None = None  #: mean in the mould so far, W/m2; None without a mould
+    #: extremes of the contact in the mould so far; None without a mould
     extremes: MouldExtremes | None = None
-    #: crack indexes and end of the pool; None in a case without [quality]
+    #: crack indexes and end of the liquid core; None without [quality]
     quality: QualityState | None = None
 
     @property
     def strained(self) -> MechanicalSample:
-        """The strained slice of a simulation with mechanics."""
+        """Sample of the strained slice; only with mechanics."""
         assert self.mechanics is not None, "of a quantity that needs mechanics"
         return self.mechanics
 
     @property
     def bending(self) -> Bending:
-        """What the machine's curvature has done to the slice."""
+        """Bending by the curvature of the machine; only with a bending machine."""
         return self.strained.bending
 
     @property
     def withdrawal(self) -> Withdrawal:
-        """What rolls and drives have done to the strand."""
+        """Forces of rolls and drives on the strand."""
         withdrawal = self.bending.withdrawal
         assert withdrawal is not None, "of a quantity that needs an effort"
         return withdrawal
 
     @property
     def contact(self) -> ContactSummary:
-        """The contact of a simulation with a mould."""
+        """Contact with the mould; only with a mould."""
         contact = self.strained.contact
         assert contact is not None, "of a quantity that needs a mould"
         return contact
 
     @property
     def in_mould(self) -> MouldExtremes:
-        """What the slice has met in its mould."""
+        """Extremes of the contact in the mould; only with a mould."""
         assert self.extremes is not None, "of a quantity that needs a mould"
         return self.extremes
 
     @property
     def judged(self) -> QualityState:
-        """The crack indexes of a case with [quality]."""
+        """Crack indexes; only with [quality]."""
         assert self.quality is not None, "of a quantity that needs quality"
         return self.quality
 
     @property
     def has_stepped(self) -> bool:
-        """Whether a mechanical step led here: at the meniscus nothing has been pressed yet."""
+        """Whether there was a mechanical step: at the meniscus there is no contact pressure yet."""
         return self.strained.balance is not None

@@ -1,4 +1,4 @@
-"""Surfaces under nozzles that are colder, or hotter, than their tables of coefficients know."""
+"""Warns where sprayed surfaces are outside the temperatures of their nozzles' tables."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class SprayRange:
-    """Tells the log when a sprayed surface first leaves the table of its nozzles, to each side.
+    """Logs when a sprayed surface first leaves the table of its nozzles, on either side.
 
-    The table holds its end there. Committed states are looked at, with the cooling of the step that
-    led to them.
+    Beyond its ends the table is constant. Committed states are checked, with the cooling of the
+    step that led to them.
 
     Attributes:
-        warned: What has been told, by the number of a nozzle and whether it was too hot.
+        warned: Warnings given, by number of the nozzle and whether it was too hot.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -40,7 +40,7 @@ class SprayRange:
         self.warned: set[tuple[int, bool]] = set()
 
     def note(self, time: float, temperature: Array) -> None:
-        """Look at the temperatures of the owned vertices (owned,), K, at a time, s (collective)."""
+        """Check the temperatures of the owned vertices (owned,), K, at a time, s (collective)."""
         zones, start = self._simulation.zones, self._before
         self._before = time
         if start is None:
@@ -56,7 +56,7 @@ class SprayRange:
                     self._compare(known, wet, time)
 
     def _compare(self, known: CoefficientTable, surface: Array, time: float) -> None:
-        """Tell of temperatures (n,), K, beyond a table (collective)."""
+        """Warn about temperatures (n,), K, outside a table (collective)."""
         comm = self._simulation.section.comm
         index, model = self._models[id(known)]
         ends = known.temperatures[0], known.temperatures[-1]
@@ -73,7 +73,7 @@ class SprayRange:
             place = self._simulation.machine.position(time)
             log.logger.warning(
                 "secondary.nozzle.%d.table: the surface under '%s' has %.4g degC at %.4g m, its "
-                "coefficient is known from %s to %s: beyond, it is that of its end; add rows to "
+                "coefficient is known from %s to %s: beyond, the end value is used; add rows to "
                 "the table",
                 index, model.name, value - ZERO_CELSIUS, place, low, high,
             )  # fmt: skip

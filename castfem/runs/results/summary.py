@@ -1,4 +1,4 @@
-"""The summary of a run: its results beside the case's references, and what is not right in it."""
+"""The summary of a run: results, comparison with references, and warnings."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import MechanicalSample, Sample
 
 
-# Properties of a steel that a run of temperature alone does not use.
+# Properties of a steel that a thermal run does not use.
 _MECHANICAL = ("thermal_expansion", "youngs_modulus", "poisson_ratio")
 
 
 def summarise(run: RunState, status: str) -> Summary:
-    """The summary of the run as it stands."""
+    """Return the summary of a run in its present state."""
     simulation = run.simulation
     found, forces = last_results(run)
     return Summary(
@@ -101,7 +101,7 @@ def _steps(run: RunState) -> dict[str, float]:
 
 
 def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
-    """Each reference beside our value where it holds, if the run has come there."""
+    """Compare each reference with the computed value where it holds, if the run has come there."""
     found: list[Comparison] = []
     length, end = run.simulation.case.casting.length, run.simulation.control.end
     for r in run.simulation.case.reference:
@@ -117,7 +117,7 @@ def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison,
 
 
 def _of_closed_form(exact: ClosedForm, time: float) -> list[Reference]:
-    """Results of the summary as the closed form gives them at a time, s."""
+    """Results of the summary according to the closed form at a time, s."""
     return [
         Reference(name, e.value, e.unit, exact.source, note=e.note)
         for name, e in exact.results(time).items()
@@ -125,7 +125,7 @@ def _of_closed_form(exact: ClosedForm, time: float) -> list[Reference]:
 
 
 def quantities(sample: Sample) -> dict[str, Quantity]:
-    """The results of the slice where the sample was taken (collective)."""
+    """Results of the slice at the time of the sample (collective)."""
     simulation = sample.simulation
     found = {}
     for definition, probe in results_of(simulation):
@@ -161,7 +161,7 @@ def _heat_balance(run: RunState) -> dict[str, Quantity]:
 
 
 def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
-    """What the mould does to the modelled part, friction included."""
+    """Forces of the mould on the modelled part, including friction."""
     if contact is None:
         return {}
     across, along = (float(f) for f in contact.force)
@@ -173,7 +173,7 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
 
 
 def _bending_force(mechanics: MechanicalSample) -> dict[str, Quantity]:
-    """What a machine that bends the strand leaves in it."""
+    """Axial force left in the strand by a bending machine."""
     if not mechanics.bending_force:
         return {}
     label = "left by bending and straightening, kM - int M dk, modelled part"
@@ -181,7 +181,7 @@ def _bending_force(mechanics: MechanicalSample) -> dict[str, Quantity]:
 
 
 def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
-    """Forces of the slice at the end of the run."""
+    """Balances of the forces on the slice at the end of the run."""
     if sample is None or sample.mechanics is None or sample.mechanics.balance is None:
         return {}
     mechanics, balance = sample.mechanics, sample.mechanics.balance
@@ -217,15 +217,16 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
 
 
 def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
-    """Yield what is not right in a run, a line each."""
-    heat, most = summary.balances.get("heat", {}), 1e-7  # over a run: rounding leaves some 1e-12
+    """Yield the warnings about a run, one line each."""
+    # over a run; rounding alone gives about 1e-12
+    heat, most = summary.balances.get("heat", {}), 1e-7
     if "whole" in heat and not abs(heat["whole"].value) <= most:
         yield (
             f"the heat balance does not close: {abs(heat['whole'].value):.1e} of the heat is "
             f"missing (allowed: {most:g}); check the steel's data and the fluxes"
         )
     tolerance = 0.0 if case.mechanics is None else case.mechanics.tolerance
-    allowed = max(10.0 * tolerance, most)  # of a solved step
+    allowed = max(10.0 * tolerance, most)  # of an accepted step
     for name in ("axial force", "forces in the plane"):
         error = summary.balances.get(name, {}).get("error")
         if error is not None and not abs(error.value) <= allowed:
@@ -234,7 +235,7 @@ def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
                 f"{abs(error.value):.1e} (allowed: {allowed:.1e}), so that stresses are wrong; "
                 "check elasticity, law and loads"
             )
-    if warmed > 0.1:  # K: what heat of flow does
+    if warmed > 0.1:  # K: the heating by viscoplastic work is smaller
         yield (
             f"the highest temperature of the strand has risen by {warmed:.4g} K above that of the "
             "start: heat flows into the strand, or its conductivity jumps by so much that cells "

@@ -1,4 +1,4 @@
-"""What is read off the slice after each step and at the end of the run, in SI."""
+"""Samples the slice after each step and at the end of the run, in SI."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Sampler:
-    """Takes samples of a run and keeps what the summary needs over the whole run."""
+    """Samples a run, and keeps what the summary needs from the whole run."""
 
     simulation: Simulation
-    #: what samples the strained slice; None without mechanics
+    #: samples the strained slice; None without mechanics
     mechanics: MechanicalSampler | None = None
     worst_balance: float = 0.0  #: largest relative heat balance error of a step
-    #: where the last vertex passed the solidus, m; None while liquid is left
+    #: position at which the last vertex passed the solidus, m; None while liquid is left
     metallurgical_length: float | None = None
-    liquid_end: float | None = None  #: where it passed the liquidus, likewise
-    #: mean heat flux from the meniscus to here, or to the end of the mould, W/m2; None without a
-    #: mould, or of a run that does not begin at the meniscus
+    liquid_end: float | None = None  #: position at which it passed the liquidus, m
+    #: mean heat flux from the meniscus to the slice or the end of the mould, W/m2; None without a
+    #: mould, or if the run does not begin at the meniscus
     mould_flux: float | None = None
-    extremes: MouldExtremes | None = None  #: what the slice has met in its mould; None without one
-    #: where its stress was largest
+    extremes: MouldExtremes | None = None  #: extremes of the contact in the mould; None without one
+    #: largest stress along the way
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
-    #: the smooth twin of that; None where it is not asked for
+    #: smooth approximation of that stress; None if not requested
     smooth_stress: SmoothStress | None = None
-    #: follows the crack indexes; None in a case without [quality]
+    #: evaluates the crack indexes; None without [quality]
     quality: QualitySampler | None = None
-    #: compares sprayed surfaces with the tables of their nozzles; None without any
+    #: compares sprayed surfaces with the tables of their nozzles; None without tables
     sprays: SprayRange | None = None
-    warmed: float = 0.0  #: how far the highest temperature has risen above that of the start, K
+    warmed: float = 0.0  #: rise of the highest temperature above that of the start, K
     _begun: float = np.inf
     _hottest: float = np.inf
     _time: float = 0.0
@@ -108,7 +108,7 @@ class Sampler:
 
     @property
     def surface_vertices(self) -> dict[str, int]:
-        """The vertex (owned) nearest to the start of each probe, of those on this rank."""
+        """Owned vertex nearest to the start of each probe that is on this rank."""
         return dict(self._surface)
 
     def read(
@@ -117,7 +117,7 @@ class Sampler:
         substeps: SubSteps | None,
         mechanical: MechanicalResult | None = None,
     ) -> Sample:
-        """Read everything off the committed state (collective)."""
+        """Sample the committed state (collective)."""
         simulation, state = self.simulation, strand.thermal
         profiles = simulation.probes.sample(state.point.temperature, state.point.conduction)
         if self.mechanics is not None and simulation.problem.shape is not None:
@@ -169,12 +169,12 @@ class Sampler:
         return self.mechanics.read(strand.strained, result)
 
     def _centre(self, sample: Sample) -> float:
-        """Temperature on the centre line, K; NaN where no probe ends there."""
+        """Temperature on the centre line, K; NaN if no probe ends there."""
         probes = self.simulation.centred_probes
         return float(sample.profiles[probes[0]].temperature[-1]) if probes else np.nan
 
     def memory(self) -> dict[str, float | None]:
-        """What a checkpoint must hold of what is kept over the whole run."""
+        """Numbers kept over the whole run, for a checkpoint."""
         return {
             "worst_balance": self.worst_balance,
             "metallurgical_length": self.metallurgical_length,
@@ -191,13 +191,13 @@ class Sampler:
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
-        """Restore what `memory` gave."""
+        """Restore `memory`."""
         self.worst_balance = memory["worst_balance"] or 0.0
         self.metallurgical_length = memory["metallurgical_length"]
-        self.liquid_end = memory.get("liquid_end")  # of an older checkpoint they are not there
+        self.liquid_end = memory.get("liquid_end")  # missing in an older checkpoint
         self.mould_flux = memory.get("mould_flux")
         self._hottest = memory["hottest"] or np.inf
-        self._begun = memory.get("begun") or np.inf  # an older checkpoint has none
+        self._begun = memory.get("begun") or np.inf  # missing in an older checkpoint
         self.warmed = memory.get("warmed") or 0.0
         self._time = memory["time"] or 0.0
         if self.extremes is not None:
@@ -214,7 +214,7 @@ class Sampler:
         volume = (
             simulation.problem.area * state.filled if state.filled.size else simulation.problem.area
         )
-        if isinstance(start, float):  # of steel as poured, which is what liquid brings along
+        if isinstance(start, float):  # steel as poured, whose enthalpy the liquid brings along
             change = float(volume @ (state.enthalpy - start))
         else:
             change = float(volume @ state.enthalpy - simulation.problem.area @ start)
@@ -223,11 +223,11 @@ class Sampler:
     def _surface_flux(self, state: ThermalState) -> dict[str, float]:
         problem = self.simulation.problem
         flow = problem.surface_flow(state.point, state.rate, state.time)
-        share = self.simulation.zones.perimeter_share()  # of the surface as it is now
+        share = self.simulation.zones.perimeter_share()  # of the present surface
         names = list(self.simulation.probes.lines)
         local = np.zeros(len(names))
         for i, name in enumerate(names):
-            # Through a face that no law cools nothing flows.
+            # A face without a law is insulated.
             dof = self._surface.get(name)
             if dof is not None and share[dof] > 0.0:
                 local[i] = flow[dof] / share[dof]
@@ -235,14 +235,14 @@ class Sampler:
         return {name: float(flux[i]) for i, name in enumerate(names)}
 
     def follow(self, state: ThermalState) -> None:
-        """Note what hangs on the temperatures of all steps: pool, mould, range of the sprays."""
+        """Update results that depend on all steps: liquid core, mould flux, spray range."""
         self._note_closing(state, state.extremes[1])
         self._note_mould_flux(state)
         if self.sprays is not None:
             self.sprays.note(state.time, state.point.temperature)
 
     def _note_mould_flux(self, state: ThermalState) -> None:
-        """Note the mean flux as long as the slice is in the mould."""
+        """Update the mean flux while the slice is in the mould."""
         end, position = self._mould_exit, self.simulation.machine.position(state.time)
         if end is None or is_below(position, end) or not state.time > 0.0:
             return
@@ -250,7 +250,7 @@ class Sampler:
         self.mould_flux = removed / (self._perimeter * state.time)
 
     def _note_closing(self, state: ThermalState, hottest: float) -> None:
-        """Note where the hottest vertex passes liquidus and solidus."""
+        """Update where the hottest vertex passes liquidus and solidus."""
         steel = self.simulation.steel
         self.liquid_end = self._passed(state, hottest, steel.liquidus, self.liquid_end)
         self.metallurgical_length = self._passed(
@@ -264,7 +264,7 @@ class Sampler:
     def _passed(
         self, state: ThermalState, hottest: float, level: float, known: float | None
     ) -> float | None:
-        """Where the hottest vertex passed a level, m, between two steps by interpolation."""
+        """Position at which the hottest vertex passed a temperature, m, linear in the step."""
         if hottest >= level:
             return None
         if known is not None:

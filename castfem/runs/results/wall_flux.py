@@ -1,4 +1,4 @@
-"""wall_flux.csv: the heat that a run gives to the wall of its mould, for the copper behind it."""
+"""wall_flux.csv: heat flux into the wall of the mould, for the temperature of the copper."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from castfem.physics.coupling.staggered import StrandState
     from castfem.runs.results.sample import Sample
 
-_HEAD = "flux_at_"  # before the place round the wall, mm
+_HEAD = "flux_at_"  # prefix of the position round the wall, mm
 
 
 def surface_flux(simulation: Simulation, strand: StrandState) -> Array:
-    """Return the flux that the surface gives off at the owned vertices (owned,), W/m2."""
+    """Return the heat flux out of the surface at the owned vertices (owned,), W/m2."""
     thermal = strand.thermal
     flow = simulation.problem.surface_flow(thermal.point, thermal.rate, thermal.time)
     share = simulation.zones.perimeter_share()
@@ -35,10 +35,10 @@ class WallFlux:
     """Samples the flux into the wall after each step.
 
     Args:
-        simulation: Of a case whose [mould.tube] has thermocouples (collective).
+        simulation: A case whose [mould.tube] has thermocouples (collective).
 
     Attributes:
-        columns: Name and unit of each column: a column a place round a quarter of the wall.
+        columns: Name and unit of each column, one for each place round a quarter of the wall.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -53,7 +53,7 @@ class WallFlux:
         self.columns = (("time", "s"), ("position", "m"), *((name, "W/m^2") for name in names))
 
     def rows(self, strand: StrandState, sample: Sample) -> dict[str, dict[str, float]]:
-        """Return the row of the file, by its name; empty but on rank 0 (collective)."""
+        """Return the row of the file, by file name; empty on ranks other than 0 (collective)."""
         whole = self._simulation.section.gather(surface_flux(self._simulation, strand))
         if whole is None:
             return {}
@@ -63,10 +63,10 @@ class WallFlux:
 
 
 def read_wall_flux(folder: Path, length: float) -> FluxMap:
-    """Return the flux of a run into a wall of some length (m).
+    """Return the heat flux of a run into a wall of a given length (m).
 
     Raises:
-        InputError: The run has written none.
+        InputError: The run has not written it.
     """
     table = read_columns(folder / WALL_FLUX_NAME)
     names = [name for name in table.columns if str(name).startswith(_HEAD)]

@@ -1,4 +1,4 @@
-"""Running a tensile test: the law of a case through the tensile machine, into a folder."""
+"""Runs a tensile test of the constitutive law of a case, with output to a folder."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ if TYPE_CHECKING:
 
 
 class TensileTest:
-    """A tensile test in SI: its law and its strain history.
+    """A tensile test in SI: constitutive law and strain history.
 
     Attributes:
         law: Constitutive law.
-        time: (n,), s.
+        time: Times (n,), s.
         strain: Total axial strain (n,).
         rate: Strain rate of the step that ends there (n,), 1/s; 0 for the first.
-        temperature: (n,), K.
+        temperature: Temperatures (n,), K.
         thermal: Thermal strain (n,).
         ends: Index of the last point of each segment.
         cycles: Points of each cycle.
 
     Raises:
-        InputError: The law cannot be had, or not at the temperatures of the test; all problems.
+        InputError: The law cannot be used, or not at the temperatures of the test; all problems.
     """
 
     def __init__(self, case: TensileCase, origin: str = TABLE) -> None:
@@ -67,7 +67,7 @@ class TensileTest:
         self.law = self._law(origin)
 
     def _law(self, origin: str) -> RadialReturn:
-        """The law, tried at the temperatures of the test."""
+        """The law, checked at the temperatures of the test."""
         given = self.given
         try:
             known = load_elasticity(given.elasticity)
@@ -93,9 +93,9 @@ class TensileTest:
         return law
 
     def analytical(self) -> Array | None:
-        """Stress (n,) in closed form, Pa; None where there is none.
+        """Stress (n,) in closed form, Pa; None if there is none.
 
-        It holds at one temperature.
+        It holds at a constant temperature.
         """
         level = float(self.temperature[0])
         curve = self.law.flow_curve(level)
@@ -114,22 +114,22 @@ def run(
     profile: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
-    """Run a tensile test and write everything into `folder` (collective; rank 0 does it all).
+    """Run a tensile test and write everything into `folder` (collective; rank 0 does the work).
 
     Args:
-        case: What to run.
-        folder: Where the results go.
+        case: The case.
+        folder: Output folder.
         comm: Communicator; None for this process alone.
         resume: Refused: a test takes a second.
-        profile: Without effect, likewise.
-        progress: Without effect, likewise.
+        profile: Has no effect.
+        progress: Has no effect.
 
     Returns:
         The summary, on every rank.
 
     Raises:
         InputError: The case or the folder cannot be used.
-        RunFailure: The test cannot go on; its history to there is on disk.
+        RunFailure: The test failed; its history so far is on disk.
     """
     if resume:
         raise InputError(f"{folder}: a tensile test has no checkpoint; run without --resume")
@@ -166,13 +166,13 @@ def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
         facts: dict[str, Any] = {"wall_time": wall, "reached": writer.reached}
         if status == "failed":
             output.fail(reason, **facts)
-            raise RunFailure(f"{reason}; the history to there is in {output / HISTORY_NAME}")
+            raise RunFailure(f"{reason}; the history so far is in {output / HISTORY_NAME}")
         output.finish(**facts)
     return summary
 
 
 class _Writer:
-    """Writes the rows of the history as the test goes on, and knows the last one."""
+    """Writes the rows of the history during the test, and keeps the last one."""
 
     def __init__(self, path: Path, test: TensileTest, analytical: Array | None) -> None:
         self.test, self.analytical = test, analytical
@@ -199,7 +199,7 @@ class _Writer:
         return float(self.test.law.strain(self.record.state[k])[0])
 
     def row(self, record: Tension, k: int) -> None:
-        """Write row k, before the first one that of the start."""
+        """Write row k; before the first one also that of the start."""
         if self.record is None:
             self.record = record
             self._write(record, 0)
@@ -223,7 +223,7 @@ class _Writer:
 
 
 def _summary(case: TensileCase, status: str, writer: _Writer, wall: Mapping[str, float]) -> Summary:
-    """What the test has found, as far as it has come."""
+    """The results of the test so far."""
     found = {} if writer.record is None else _quantities(writer, writer.record)
     references = [Reference.of(given) for given in case.reference]
     return Summary(
@@ -237,7 +237,7 @@ def _summary(case: TensileCase, status: str, writer: _Writer, wall: Mapping[str,
 
 
 def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
-    """Peak, end, end of each segment, and the distance from the analytical answer."""
+    """Peak, end, end of each segment, and the difference from the closed form."""
     last = writer.last
     stress, strain = record.axial_stress[: last + 1, 0], record.axial_strain[: last + 1, 0]
     top = int(np.argmax(np.abs(stress)))
@@ -274,10 +274,10 @@ def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
 
 
 def _of_cycles(stress: Array, cycles: list[slice]) -> dict[str, Quantity]:
-    """Largest and smallest stress of some of the cycles that are complete, and their growth."""
+    """Extremes of the stress in some of the completed cycles, and their growth."""
     whole = [c for c in cycles if c.stop <= len(stress)]
     found = {}
-    stable = 3  # from there on a law that does not harden without end repeats itself
+    stable = 3  # from this cycle on a law without unlimited hardening repeats itself
     for k in sorted({1, stable, len(whole)} & set(range(1, len(whole) + 1))):
         part = stress[whole[k - 1]]
         top, low = float(part.max()), float(part.min())

@@ -1,1 +1,1 @@
-"""The error of each number of a case: from runs on other meshes, with other steps and windows."""
+"""Errors of the results of a case, from runs on other meshes, with other steps and windows."""

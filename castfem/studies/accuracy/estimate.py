@@ -1,8 +1,8 @@
-"""From the values of a number at several sizes to its error at one of them.
+"""Error of a number at one size from its values at several sizes.
 
-Where three sizes show an order of convergence the rest is extrapolated [Richardson1911] and taken
-with the factor of safety of [Roache1994]; where they do not, the differences are what is known of
-the error. docs/accuracy.md has how often that holds.
+Where three sizes show an order of convergence the rest is extrapolated [Richardson1911] with the
+factor of safety of [Roache1994]; where they do not, the error is estimated from the differences.
+docs/accuracy.md has how often that holds.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from castfem.base.constants import EXACT
 class ConvergenceRules:
     """How errors are estimated from the results at several sizes, after [Roache1994]."""
 
-    #: factor on the distance to the limit, for an order that three sizes have shown [Roache1994]
+    #: factor on the distance to the limit, if three sizes show an order [Roache1994]
     safety: float = 1.25
-    few: float = 3.0  #: factor on the difference to a finer size where no order shows [Roache1994]
-    half: float = 0.5  #: factor on the difference to a coarser size where no order shows
-    #: least error over the spread where an order shows: three values may agree by luck
+    few: float = 3.0  #: factor on the difference to a finer size, if there is no order [Roache1994]
+    half: float = 0.5  #: factor on the difference to a coarser size, if there is no order
+    #: smallest error relative to the spread, if there is an order: three values may agree by chance
     least: float = 0.25
-    least_order: float = 0.5  #: lowest order; less is no convergence
-    most_order: float = 2.0  #: highest order that the schemes have
-    most_tried: float = 8.0  #: highest order that is sought; above it two values agree by accident
+    least_order: float = 0.5  #: lowest accepted order; below it there is no convergence
+    most_order: float = 2.0  #: highest order of the schemes
+    most_tried: float = 8.0  #: highest order searched for; above it two values agree by chance
 
 
 RULES = ConvergenceRules()
@@ -36,17 +36,17 @@ RULES = ConvergenceRules()
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The error of a number that comes from one of the sizes."""
+    """The error of a number from one of the sizes."""
 
     error: float  #: its absolute value, in the unit of the number; NaN where nothing is known
-    order: float | None = None  #: the order of convergence that shows; None where none does
-    #: the number by size, relative to that of the case; empty where only the error counts
+    order: float | None = None  #: observed order of convergence; None without one
+    #: the number by size, relative to that of the case; empty if only the error matters
     values: Mapping[float, float] = field(default_factory=dict)
 
     def scaled(self, factor: float) -> float:
-        """Return the error where the size is `factor` times as large.
+        """Return the error for a size larger by `factor`.
 
-        It goes with the order that shows, otherwise with the size itself.
+        It scales with the observed order, otherwise with the size itself.
         """
         return self.error * factor ** (
             1.0 if self.order is None else min(self.order, RULES.most_order)
@@ -57,16 +57,16 @@ def estimate(values: Mapping[float, float]) -> Estimate:
     """Return the error of a number at the size 1.
 
     Args:
-        values: The number by size, relative; that of 1 among them.
+        values: The number by relative size, including 1.
 
-    The three finest sizes show an order p if the number goes one way and
+    The three finest sizes show an order p if the number is monotonic and
 
         (v2 - v1) / (v1 - v0) = (x2^p - x1^p) / (x1^p - x0^p)
 
-    has a solution that is no slower than 0.5. The error is then the difference to the extrapolated
-    value, with the factor of safety; it is at least a quarter of the spread, since the order may
-    be luck. Where no order shows it is three times the difference to the finer sizes, or half of
-    that to a coarser one if this is more. Of two sizes it is three times their difference.
+    has a solution of at least 0.5. The error is then the difference to the extrapolated value, with
+    the factor of safety, but at least a quarter of the spread, since the order may be chance.
+    Without an order it is three times the difference to the finer sizes, or half of that to a
+    coarser one if this is more. With two sizes it is three times their difference.
     """
     known = sorted((size, v) for size, v in values.items() if math.isfinite(v))[:3]
     here = values.get(1.0, math.nan)
@@ -87,27 +87,27 @@ def estimate(values: Mapping[float, float]) -> Estimate:
 
 
 def _without_order(known: Sequence[tuple[float, float]], here: float) -> float:
-    """The error where no order shows: by what finer and coarser sizes do to the number."""
+    """Error without an order: from the differences to finer and coarser sizes."""
     finer = max((abs(v - here) for size, v in known if size < 1.0), default=0.0)
     coarser = max((abs(v - here) for size, v in known if size > 1.0), default=0.0)
-    if known[0][0] >= 1.0:  # nothing finer: the next coarser one has to stand for it
+    if known[0][0] >= 1.0:  # nothing finer: the next coarser one is used
         return RULES.few * abs(known[1][1] - here)
     return max(RULES.few * finer, RULES.half * coarser)
 
 
 def convergence_index(values: Mapping[float, float]) -> float:
-    """Return the grid convergence index of a number at the size 1; NaN where nothing is known.
+    """Return the grid convergence index of a number at the size 1; NaN if unknown.
 
-    [Roache1994], with the factor of safety, of the finest size x, or the next coarser one:
+    [Roache1994], with the factor of safety, from the finest size x, or the next coarser one:
 
         SAFETY |v_x - v_1| / |1 - x^p|
 
-    It is at least what any finer size changes. The order p is the one that three sizes show, at
-    least 1, which the schemes have, and at most 2; where none shows it is 1. Unlike `estimate` it
-    needs no third size, and regards how far the sizes are apart.
+    It is at least as large as the change to any finer size. The order p is that of three sizes,
+    limited to 1 (guaranteed by the schemes) to 2; without one it is 1. Unlike `estimate` it needs
+    no third size, and takes the distance of the sizes into account.
 
     Args:
-        values: The number by size, relative; that of 1 among them.
+        values: The number by relative size, including 1.
     """
     here = values.get(1.0, math.nan)
     others = {size: v for size, v in values.items() if size != 1.0 and math.isfinite(v)}
@@ -121,7 +121,7 @@ def convergence_index(values: Mapping[float, float]) -> float:
 
 
 def observed_order(known: Sequence[tuple[float, float]]) -> float | None:
-    """Return the order that three pairs of size and value show, the finest first; None for none."""
+    """Return the order of three pairs of size and value, the finest first; None for none."""
     (x0, v0), (x1, v1), (x2, v2) = known
     if (v1 - v0) * (v2 - v1) <= 0.0:
         return None

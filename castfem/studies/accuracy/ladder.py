@@ -1,6 +1,6 @@
-"""The runs that tell the error of a case: one size scaled at a time, in a folder as of a sweep.
+"""The runs for the errors of a case, each with one size scaled, in a folder like that of a sweep.
 
-And what they propose: which sizes bring its numbers to an error, and how long that run takes.
+Also proposes sizes for a given error, with the duration of such a run.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ FACTORS: Mapping[str, tuple[float, ...]] = {
     STEP: (2.0, 0.5),
     COUPLING: (2.0, 0.5),
 }
-"""Of the runs beside that of the case itself."""
+"""Scale factors of the additional runs."""
 _FINEST: Mapping[str, float] = {MESH: 0.25, STEP: 0.125, COUPLING: 0.125}
-# Power of 1 / factor that the time goes with: what is taken if the runs do not tell, least, most.
+# Exponent of the run time over 1 / factor: default if the runs do not tell, smallest, largest.
 _DEARER: Mapping[str, tuple[float, float, float]] = {
     MESH: (2.0, 1.0, 3.0),
     STEP: (0.5, 0.0, 1.2),
@@ -45,31 +45,31 @@ _DEARER: Mapping[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A run of the ladder."""
+    """One of the runs for the errors of a case."""
 
-    name: str  #: of its folder
-    axis: str  #: which of the sizes is scaled; "" for the case itself
-    factor: float  #: by how much
+    name: str  #: name of its folder
+    axis: str  #: scaled size; "" for the case itself
+    factor: float  #: scale factor
     case: Case  #: the case with these sizes
-    problem: str = ""  #: why it cannot be run, empty if it can
+    problem: str = ""  #: why it cannot be run; "" if it can
 
     @property
     def text(self) -> str:
-        """What tables call it: "mesh x 1.41"."""
+        """Description in tables: "mesh x 1.41"."""
         return f"{self.axis} x {self.factor:.3g}" if self.axis else "as it is"
 
 
 def levels(case: Case) -> tuple[Level, ...]:
     """Return the runs of a case, the cheapest first.
 
-    Runs beside that of the case itself write one field, if that writes any. Sizes that a check of
-    the case refuses (cells larger than a face) make a level with a problem.
+    Runs other than that of the case write one field, if the case writes any. Sizes that are refused
+    by a check of the case (cells larger than a face) give a level with a problem.
     """
     found = [Level(BASE, "", 1.0, case)]
     for axis in sizes.axes_of(case):
         factors = FACTORS[axis]
         if axis == STEP and sizes.steps_fill_windows(case):
-            factors = (0.5, 0.25)  # the windows limit the step: no longer one
+            factors = (0.5, 0.25)  # the windows limit the step, which cannot be longer
         found += [_level(case, axis, factor) for factor in factors]
     return tuple(sorted(found, key=_cost))
 
@@ -84,9 +84,9 @@ def _level(case: Case, axis: str, factor: float) -> Level:
 
 
 def quiet(case: Case) -> dict[str, Any]:
-    """Return the keys with which a case writes little, and takes the same steps.
+    """Return the keys with which a case writes little but takes the same steps.
 
-    Steps and windows end where fields are written: one of them is kept if there are any.
+    Steps and windows end where fields are written: one field is kept if there are any.
     """
     return {"output.fields": list(case.output_fields[:1]), "output.figures": False}
 
@@ -99,20 +99,20 @@ def _cost(level: Level) -> float:
 class Ladder:
     """The runs of a case in their folder."""
 
-    levels: tuple[Level, ...]  #: all of them
-    record: Record  #: of what is finished
+    levels: tuple[Level, ...]  #: all levels
+    record: Record  #: record of finished runs
     jobs: tuple[Job, ...]
-    """What is still to be run; a run that was cut short goes on from its checkpoint."""
+    """Runs still to be made; an interrupted run continues from its checkpoint."""
     at: tuple[float, ...] = ()
-    """Places on the way whose errors are asked for, m, besides the exit of the mould."""
+    """Positions whose errors are requested, m, besides the exit of the mould."""
 
     @property
     def runnable(self) -> tuple[Level, ...]:
-        """Those whose sizes the case allows."""
+        """Levels whose sizes the case allows."""
         return tuple(level for level in self.levels if not level.problem)
 
     def table(self) -> ErrorTable:
-        """Return the errors as far as the runs that have ended tell them."""
+        """Return the errors from the finished runs."""
         base = next(level for level in self.levels if not level.axis)
         results: dict[str, Summary] = {}
         runs: list[Ran] = []
@@ -134,7 +134,7 @@ class Ladder:
     def _on_the_way(
         self, base: Level, results: Mapping[str, Summary]
     ) -> dict[float, dict[str, dict[str, Quantity]]]:
-        """Results of the runs where errors are asked for, and where their mould ends, if above."""
+        """Results of the runs at the requested positions, and at the mould's end if above."""
         exit_, length = results[base.name].mould_exit, base.case.casting.length
         places = list(self.at)
         if exit_ is not None and exit_ < length * (1.0 - ROUNDING):
@@ -151,20 +151,20 @@ class Ladder:
 
 
 def same(one: float, other: float) -> bool:
-    """Whether two positions (m) are one."""
+    """Whether two positions (m) are equal."""
     return abs(one - other) <= ROUNDING * max(abs(one), abs(other))
 
 
 def prepare(
     levels: Sequence[Level], folder: Path, *, overwrite: bool = False, at: Sequence[float] = ()
 ) -> Ladder:
-    """Look at what is finished in a folder, and make it ready for the rest.
+    """Check which runs in a folder are finished, and prepare the rest.
 
     Args:
         levels: The runs.
-        folder: Where they lie, a folder each.
-        overwrite: Run all anew, also over runs of other cases.
-        at: Places on the way whose errors are asked for, m.
+        folder: Folder of the runs.
+        overwrite: Repeat all runs, also over runs of other cases.
+        at: Positions whose errors are requested, m.
     """
     runnable = [
         Variant(one.name, {"sizes": one.text}, one.case) for one in levels if not one.problem
@@ -175,17 +175,18 @@ def prepare(
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """Sizes for an error that is asked for."""
+    """Proposed sizes for a given error."""
 
-    factors: Mapping[str, float]  #: of the sizes of the case, by axis
-    seconds: float  #: how long a run with them is expected to take
-    now: float  #: how long one of the case as it is has taken
+    factors: Mapping[str, float]  #: scale factors of the case's sizes, by axis
+    seconds: float  #: predicted duration of a run with them
+    now: float  #: duration of a run of the case
     unreached: Mapping[str, float]
-    """Numbers that no sizes within reach bring there, with the share that is left."""
+    """Numbers whose error remains larger with all available sizes, with that error as a fraction.
+    """
 
 
 def read_share(text: str) -> float:
-    """Return the share that `1%` or `0.5 %` means."""
+    """Return the fraction given as `1%` or `0.5 %`."""
     number, percent, rest = text.strip().partition("%")
     try:
         share = 0.01 * float(number)
@@ -197,14 +198,14 @@ def read_share(text: str) -> float:
 
 
 def propose(table: ErrorTable, names: Sequence[str], share: float) -> Proposal:
-    """Return the sizes of the shortest run whose errors are small enough.
+    """Return the sizes of the fastest run with sufficiently small errors.
 
-    Each part of an error scales with the order that its sizes have shown, or else linearly.
+    Each part of an error scales with its observed order, or else linearly.
 
     Args:
-        table: The errors of the case as it is.
-        names: Results that count.
-        share: Allowed error of each, over its `Entry.scale`.
+        table: The errors of the case.
+        names: Results to consider.
+        share: Allowed error of each, relative to its `Entry.scale`.
     """
     entries = {
         name: table.quantities[name]
@@ -233,14 +234,14 @@ def propose(table: ErrorTable, names: Sequence[str], share: float) -> Proposal:
 
 
 def _choices(axis: str) -> list[float]:
-    """The factors that are tried, from 2, the coarsest that has been run, to the finest."""
+    """The tried factors from 2, the coarsest run, to the finest."""
     steps = 4  # factors between 1 and 2
     last = round(steps * math.log2(_FINEST[axis]))
     return [2.0 ** (i / steps) for i in range(steps, last - 1, -1)]
 
 
 def _exponent(table: ErrorTable, axis: str) -> float:
-    """How the time grows with finer sizes, by the run with the finest ones."""
+    """Exponent of the run time for finer sizes, from the finest run."""
     usual, least, most = _DEARER[axis]
     now = next(run.seconds for run in table.runs if not run.axis)
     finer = [r for r in table.runs if r.axis == axis and r.factor < 1.0 and not r.message]

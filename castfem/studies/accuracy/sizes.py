@@ -1,7 +1,7 @@
-"""Mesh, step and coupling window of a case: its sizes, each scaled by a factor of its own.
+"""Mesh, step and coupling window of a case: its sizes, each with its own scale factor.
 
-The depths of the mesh's grading stay, so that its cells are everywhere scaled alike. With
-mechanics no thermal step is longer than a coupling window: the step that counts is the shorter.
+The depths of the mesh's grading are kept, so that all cells are scaled equally. With mechanics no
+thermal step is longer than a coupling window: the shorter one counts.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ DEFAULT = "default"
 class Level:
     """A level of accuracy."""
 
-    cells: float  #: size of the cells over that of the case
-    window: float  #: length of the coupling windows over that of the case
+    cells: float  #: size of the cells relative to that of the case
+    window: float  #: length of the coupling windows relative to that of the case
 
 
 LEVELS: Mapping[str, Level] = {
@@ -36,11 +36,11 @@ LEVELS: Mapping[str, Level] = {
     DEFAULT: Level(1.0, 1.0),
     "fine": Level(0.625, 0.5),
 }
-"""The cheapest first."""
+"""Levels of accuracy, the cheapest first."""
 MESH, STEP, COUPLING = "mesh", "step", "coupling"
 AXES = (MESH, STEP, COUPLING)
 CELLS = ("surface_size", "corner_size", "face_size", "core_size")
-_LOCAL = {"sdirk2": 3, "backward_euler": 2}  # power of the step that its error follows
+_LOCAL = {"sdirk2": 3, "backward_euler": 2}  # order of the local error of a step
 _SIZES = {
     "mesh": CELLS,
     "coupling": (
@@ -55,9 +55,9 @@ _SIZES = {
 
 
 def factors_of(word: str) -> dict[str, float]:
-    """Return the factors that a word for the accuracy of a run stands for.
+    """Return the scale factors of an accuracy level.
 
-    They are those of `LEVELS`; the step goes with the coupling window.
+    They are those of `LEVELS`; the step is scaled like the coupling window.
     """
     level = LEVELS.get(word)
     if level is None:
@@ -66,17 +66,17 @@ def factors_of(word: str) -> dict[str, float]:
 
 
 def assignments(case: Case, word: str) -> list[str]:
-    """Return how a word for the accuracy of a run changes a case: KEY=VALUE, as --set takes it."""
+    """Return the changes of a case for an accuracy level: KEY=VALUE, as for --set."""
     return [f"{key}={value}" for key, value in changes(case, factors_of(word)).items()]
 
 
 def axes_of(case: Case) -> tuple[str, ...]:
-    """Return what there is to scale: without mechanics there is no coupling."""
+    """Return the sizes that can be scaled: without mechanics there is no coupling."""
     return AXES if case.mechanics is not None else (MESH, STEP)
 
 
 def cell_count(case: Case) -> int:
-    """Return the number of cells of a case's mesh, which is made for it once."""
+    """Return the number of cells of a case's mesh, which is built once for this."""
     return _cells(json.dumps(case.mesh_parameters(), sort_keys=True))
 
 
@@ -89,7 +89,7 @@ def _cells(parameters: str) -> int:
 
 
 def window(case: Case) -> float:
-    """Return the coupling window of a case with mechanics, s; at its mean speed if a length."""
+    """Return the coupling window of a case with mechanics, s; for a length at the mean speed."""
     given = case.coupling.interval
     if isinstance(given, Way):
         return given.length * case.casting.duration / case.casting.length
@@ -97,17 +97,17 @@ def window(case: Case) -> float:
 
 
 def steps_fill_windows(case: Case) -> bool:
-    """Return whether it is the coupling windows that limit the fixed thermal steps of a case."""
+    """Return whether the coupling windows limit the fixed thermal steps of a case."""
     step = case.thermal.time.step
     return case.mechanics is not None and step is not None and step >= window(case)
 
 
 def changes(case: Case, factors: Mapping[str, float]) -> dict[str, Any]:
-    """Return the keys of a case with scaled sizes: dotted key to what a case file has.
+    """Return the keys of a case with scaled sizes, with their new values.
 
     Args:
         case: The case.
-        factors: Of mesh, step and coupling; below 1 is finer. What is left out stays.
+        factors: For mesh, step and coupling; below 1 is finer. Others are unchanged.
     """
     found: dict[str, Any] = {}
     if (factor := factors.get(MESH, 1.0)) != 1.0:
@@ -120,7 +120,7 @@ def changes(case: Case, factors: Mapping[str, float]) -> dict[str, Any]:
     if (factor := factors.get(STEP, 1.0)) != 1.0:
         found |= _step(case, factor)
     elif factors.get(COUPLING, 1.0) > 1.0 and steps_fill_windows(case):
-        # Longer windows shall not bring longer thermal steps along.
+        # Longer windows must not lengthen the thermal steps.
         found["thermal.time.step"] = _text(window(case), "s")
     return found
 
@@ -134,20 +134,20 @@ def _coupling(case: Case, factor: float) -> dict[str, Any]:
         else _text(factor * given.interval, "s")
     )
     found: dict[str, Any] = {"coupling.interval": scaled}
-    if case.mould is not None:  # without one no window is repeated
+    if case.mould is not None:  # without a mould no window is iterated
         found["coupling.settled"] = _text(factor * given.settled, "K")
     if given.mechanical_step is not None:
         found["coupling.mechanical_step"] = _text(factor * given.mechanical_step, "s")
     if given.window_error is not None:
         found["coupling.window_error"] = _text(factor * given.window_error, "K")
-    if (given.growth or 1.0) > 1.0:  # that of a window is of second order in its length
+    if (given.growth or 1.0) > 1.0:  # the error of a window is of second order in its length
         allowed = given.strain_error or LIMITS.strain
         found["coupling.strain_error"] = factor**2 * allowed
     return found
 
 
 def _step(case: Case, factor: float) -> dict[str, Any]:
-    """The fixed step, or what the adaptive one is chosen by."""
+    """The fixed step, or the parameters of the adaptive one."""
     time = case.thermal.time
     if time.step is not None:
         counts = min(time.step, window(case)) if case.mechanics is not None else time.step
@@ -168,7 +168,7 @@ def _text(value: float, unit: str) -> str:
 
 
 def key(case: Case) -> str:
-    """Return a hash of all that the numbers of a case hang on but its sizes."""
+    """Return a hash of all input that the numbers of a case depend on, except its sizes."""
     physics = case.physics()
     for table, names in _SIZES.items():
         for name in names:
@@ -180,7 +180,7 @@ def key(case: Case) -> str:
 
 
 def described(case: Case) -> dict[str, float]:
-    """Return the sizes of a case by their keys, m, s and K: what `factors_between` compares."""
+    """Return the sizes of a case by their keys, m, s and K, for `factors_between`."""
     found = {f"mesh.{name}": getattr(case.mesh, name) for name in CELLS}
     time = case.thermal.time
     if time.step is not None:
@@ -199,10 +199,10 @@ def described(case: Case) -> dict[str, float]:
 def factors_between(
     base: Mapping[str, float], other: Mapping[str, float]
 ) -> dict[str, float] | None:
-    """Return by how much the sizes of one case are those of another, by axis.
+    """Return the factors between the sizes of two cases, by axis.
 
     Returns:
-        Factors; None where the sizes are not all scaled alike, so that no error is known.
+        Factors; None if the sizes do not differ by common factors, so no error can be estimated.
     """
     if base.keys() != other.keys():
         return None

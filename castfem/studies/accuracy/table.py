@@ -1,4 +1,4 @@
-"""error.json: the error of each number of a case, what makes it, and where it is put.
+"""error.json: the error of each number of a case, and its parts.
 
     {"format": "castfem error", "case": HASH, "title": ..., "sizes": {"mesh.surface_size": ...},
      "runs": [{"name": "mesh_x0.707", "axis": "mesh", "factor": 0.707, "seconds": 12.1,
@@ -9,10 +9,12 @@
                                              "values": {"0.707": 4.85, "1": 4.86, ...}}, ...}}},
      "places": {"0.8": {NAME: as in quantities, ...}, ...}}
 
-`quantities` are those at the end of the run, `places` those on its way, m below the meniscus.
+`quantities` are those at the end of the run, `places` those at positions along the strand, m below
+the meniscus.
 
-The unit is that of the value, an error of a temperature in K. The hash is of all that the numbers
-hang on but the sizes; with them (SI) a run with other sizes is known as one of the same case.
+The unit is that of the value; errors of temperatures are in K. The hash is of all input that the
+numbers depend on, except the sizes; with the sizes (SI) a run with other sizes is recognised as one
+of the same case.
 """
 
 from __future__ import annotations
@@ -44,32 +46,32 @@ _FORMAT = "castfem error"
 
 @dataclass(frozen=True, slots=True)
 class Ran:
-    """A run of the ladder that has been done, or not."""
+    """A run of the ladder, made or not."""
 
-    name: str  #: of its folder
-    axis: str  #: which of the sizes is scaled; "" for the case itself
-    factor: float  #: by how much
-    seconds: float = 0.0  #: what it took
-    message: str = ""  #: why there is nothing of it, empty if there is
+    name: str  #: name of its folder
+    axis: str  #: scaled size; "" for the case itself
+    factor: float  #: scale factor
+    seconds: float = 0.0  #: its duration
+    message: str = ""  #: why it has no results; "" if it has
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
     """A number with its error."""
 
-    label: str  #: what it is, for tables
-    unit: str  #: of the value; errors of temperatures are in K
-    value: float  #: of the case as it is
-    parts: Mapping[str, Estimate]  #: what the error is made of, by axis
+    label: str  #: label for tables
+    unit: str  #: unit of the value; errors of temperatures are in K
+    value: float  #: value in the case itself
+    parts: Mapping[str, Estimate]  #: parts of the error, by axis
     scale: float = 0.0
-    """What a percentage of it is of: the value, of a temperature its fall since the meniscus; 0
-    where there is nothing."""
+    """Reference of percentages: the value, for a temperature its fall since the meniscus; 0 for
+    none."""
 
     def error(self, factors: Mapping[str, float] | None = None) -> float:
-        """The sum of its parts; NaN where one is not known.
+        """Sum of its parts; NaN if one is unknown.
 
         Args:
-            factors: Of other sizes than those of the case, by axis.
+            factors: Relative sizes of another run, by axis.
         """
         return math.fsum(
             part.scaled((factors or {}).get(axis, 1.0)) for axis, part in self.parts.items()
@@ -80,13 +82,14 @@ class Entry:
 class ErrorTable:
     """The errors of a case."""
 
-    title: str  #: of the case
-    case: str  #: hash of what its numbers depend on but the sizes
-    sizes: Mapping[str, float]  #: those of the case
-    runs: tuple[Ran, ...]  #: what was run for it
-    quantities: Mapping[str, Entry] = field(default_factory=dict)  #: name to number with its error
+    title: str  #: title of the case
+    case: str  #: hash of all input that its numbers depend on, except the sizes
+    sizes: Mapping[str, float]  #: sizes of the case
+    runs: tuple[Ran, ...]  #: the runs made for it
+    #: numbers with their errors, by name
+    quantities: Mapping[str, Entry] = field(default_factory=dict)
     places: Mapping[float, Mapping[str, Entry]] = field(default_factory=dict)
-    """The same at places on the way, by position, m."""
+    """The same at positions along the strand, by position, m."""
 
     def write(self, folder: Path) -> Path:
         """Write error.json."""
@@ -128,16 +131,16 @@ class ErrorTable:
             raise InputError(f"{path}: cannot be read ({error}); repeat castfem error") from None
 
     def errors_of(self, case: Case) -> dict[str, float] | None:
-        """Return the error of each number of a case in its unit; None if it is another case.
+        """Return the error of each number of a case in its unit; None for another case.
 
         Args:
-            case: That of the table, also with its mesh, step or window scaled.
+            case: The case of the table, possibly with scaled mesh, step or window.
         """
         factors = self._factors(case)
         return None if factors is None else _errors(self.quantities, factors)
 
     def errors_at(self, case: Case) -> dict[float, dict[str, float]]:
-        """Return the errors on the way in SI, by position, m; none if it is another case."""
+        """Return the errors along the strand in SI, by position, m; empty for another case."""
         factors = self._factors(case)
         if factors is None:
             return {}
@@ -150,7 +153,7 @@ class ErrorTable:
         }
 
     def _factors(self, case: Case) -> Mapping[str, float] | None:
-        """The sizes of a case over those of the table; None if it is another case."""
+        """Sizes of the case relative to those of the table; None for another case."""
         if sizes.key(case) != self.case:
             return None
         return sizes.factors_between(self.sizes, sizes.described(case))
@@ -170,15 +173,15 @@ def gather(
 ) -> ErrorTable:
     """Return the errors of a case from the results of its runs.
 
-    Numbers that all runs agree on (the length that was followed, the liquidus) have none, nor have
-    those that are zero but for rounding.
+    Numbers that are equal in all runs (the followed length, the liquidus) have no error, nor have
+    those that are zero up to rounding.
 
     Args:
-        case: The case as it is.
+        case: The case.
         levels: All runs of its ladder.
-        results: Of those that have come to their end, by name; that of the case itself among them.
-        runs: How each of them went.
-        places: Their results at places on the way, by position (m) and name of the run.
+        results: Results of the finished runs by name, including that of the case.
+        runs: Outcome of each run.
+        places: Results at positions along the strand, by position (m) and name of the run.
     """
     base = next(level for level in levels if not level.axis)
     liquidus = results[base.name].quantities.get("liquidus")
@@ -197,7 +200,7 @@ def gather(
 def _entries(
     case: Case, levels: Sequence[Level], results: Mapping[str, Results], poured: float
 ) -> dict[str, Entry]:
-    """The numbers of the case itself with their errors; `poured` in K, NaN where not known."""
+    """Numbers of the case with their errors; `poured` in K, NaN if unknown."""
     base = next(level for level in levels if not level.axis)
     found: dict[str, Entry] = {}
     for name, quantity in results[base.name].items():
@@ -208,7 +211,7 @@ def _entries(
             values = _series(case, axis, levels, results, name)
             parts[axis] = replace(estimate(values), values=values)
         largest = max((abs(v) for part in parts.values() for v in part.values.values()), default=0)
-        # in the unit of the tables; else rounding
+        # in the unit of the tables; smaller differences are rounding
         if largest > 1e-9 and any(part.error != 0.0 for part in parts.values()):
             unit, value = quantity.shown_unit, quantity.shown
             found[name] = Entry(quantity.label, unit, value, parts, _scale(quantity, poured))
@@ -222,10 +225,10 @@ def _series(
     results: Mapping[str, Results],
     name: str,
 ) -> dict[float, float]:
-    """A number by the factor of one of the sizes, in its unit.
+    """A number by the scale factor of one of the sizes, in its unit.
 
-    Where the windows cut the thermal steps shorter windows have shorter steps, too: what these
-    alone do to the number is known by the run with such steps, and is taken out.
+    If the windows limit the thermal steps, shorter windows have shorter steps, too: the effect of
+    the steps alone is known from the run with such steps, and is subtracted.
     """
 
     def of(axis: str) -> dict[float, float]:
@@ -251,10 +254,10 @@ def _series(
 def _by_cells(
     case: Case, levels: Sequence[Level], values: Mapping[float, float]
 ) -> dict[float, float]:
-    """Values by the mean size of the cells, instead of what was asked for.
+    """Values by the mean size of the cells instead of the requested one.
 
-    A length takes a whole number of cells: on a coarse mesh all sizes doubled may leave much of it
-    as it is. Meshes with the same number of cells count once.
+    A length has a whole number of cells: doubling all sizes of a coarse mesh may change it little.
+    Meshes with the same number of cells count once.
     """
     now = sizes.cell_count(case)
     cases = {1.0: case} | {one.factor: one.case for one in levels if one.axis == sizes.MESH}
@@ -262,7 +265,7 @@ def _by_cells(
 
 
 def _scale(quantity: Quantity, poured: float) -> float:
-    """What a percentage of a result is of, in its unit; `poured` in K, NaN where not known."""
+    """Reference of percentages of a result, in its unit; `poured` in K, NaN if unknown."""
     if quantity.unit != "K":
         return abs(quantity.shown)
     fall = abs(poured - quantity.value)
@@ -270,10 +273,10 @@ def _scale(quantity: Quantity, poured: float) -> float:
 
 
 def attach(table: ErrorTable, folder: Path) -> bool:
-    """Put the errors beside the results of a finished run, in its summary.json.
+    """Add the errors to the results of a finished run, in its summary.json.
 
     Returns:
-        Whether it is a run of that case, its sizes scaled alike, that has come to its end.
+        Whether it is a finished run of that case, with uniformly scaled sizes.
     """
     path = folder / SUMMARY_NAME
     if not path.is_file() or RunRecord.load(folder).status != "finished":

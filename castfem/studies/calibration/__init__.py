@@ -1,1 +1,1 @@
-"""Keys of a case fitted to measurements: the fit, the data, those at probes."""
+"""Calibration: keys of a case fitted to measurements."""

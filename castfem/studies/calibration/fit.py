@@ -1,9 +1,9 @@
-"""Keys of a case fitted to what was measured: weighted least squares within bounds.
+"""Fits keys of a case to measurements by weighted least squares within bounds.
 
 The sum of squares of (computed - measured)/error is minimised by Gauss-Newton in a trust region
 (scipy's `trf`). Derivatives are differences over a hundredth of the range of each key; their runs
-are made side by side. The intervals follow from the derivatives at the end, by Student's t: they
-hold for errors that are independent, and a case that is right.
+are made in parallel. The intervals follow from the derivatives at the end, by Student's t: they
+hold for independent errors and a correct case.
 """
 
 from __future__ import annotations
@@ -46,11 +46,12 @@ CSV_NAME, JSON_NAME, CASE_NAME = "calibration.csv", "calibration.json", "calibra
 class FitSettings:
     """Settings of the least squares and of its intervals."""
 
-    step: float = 0.01  #: of the difference quotients, over the range of a key
-    near: float = 1e-3  #: distance from a bound, over the range, at which a value is held by it
+    step: float = 0.01  #: step of the difference quotients, relative to the range of a key
+    #: distance from a bound, relative to the range, within which a value is held by it
+    near: float = 1e-3
     #: relative change of the sum of squares, or of the keys, at which the fit ends
     close: float = 1e-4
-    evaluations: int = 20  #: evaluations of the derivatives at most
+    evaluations: int = 20  #: largest number of evaluations of the derivatives
     confidence: float = 0.95  #: probability of the intervals
 
 
@@ -58,20 +59,20 @@ SETTINGS = FitSettings()
 _SAMPLE = "KEY=LOW..HIGH UNIT, such as casting.speed=2..4 m/min"
 
 Residuals = Callable[[Sequence[Mapping[str, str]]], list[Array]]
-"""Residuals (n,) for each of some sets of values, key to text."""
+"""Residuals (n,) for each of several sets of values, text by key."""
 
 
 @dataclass(frozen=True, slots=True)
 class Free:
-    """A key that is fitted, with its bounds."""
+    """A key to fit, with its bounds."""
 
     key: str
     low: float
     high: float
-    unit: str = ""  #: of the bounds; empty for plain numbers
+    unit: str = ""  #: unit of the bounds; "" for plain numbers
 
     def text(self, value: float) -> str:
-        """A value as a case file has it, to as many digits as count."""
+        """A value as text for a case file, with all significant digits."""
         return f"{value:.8g} {self.unit}".strip()
 
 
@@ -82,8 +83,8 @@ class Fitted:
     free: Free
     start: float
     value: float
-    interval: float  #: half the 95 % interval; NaN where the data do not determine it
-    held: bool  #: whether a bound holds it, so that the interval says little
+    interval: float  #: half the 95 % interval; NaN if the data do not determine it
+    held: bool  #: whether it is at a bound, so that the interval means little
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,29 +92,29 @@ class Fit:
     """The result of a fit."""
 
     keys: tuple[Fitted, ...]
-    correlation: Array  #: of the keys (p, p)
-    start: Array  #: residuals where it began (n,)
-    end: Array  #: residuals where it ended
+    correlation: Array  #: correlation of the keys (p, p)
+    start: Array  #: residuals at the start (n,)
+    end: Array  #: residuals at the end
     spread: float
-    """Root of the sum of squares over n - p: 1 where data and stated errors agree, the scatter of
-    the data where no errors were given."""
+    """Root of the sum of squares over n - p: 1 if data and stated errors agree; without stated
+    errors the scatter of the data."""
     converged: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """A case fitted to what was measured."""
+    """A case fitted to measurements."""
 
-    case: Case  #: with the fitted values, followed as far as the case that was given
+    case: Case  #: with the fitted values, and the original followed length
     fit: Fit
     measured: list[Measured]
-    before: list[Quantity]  #: what the case gave of the data
-    after: list[Quantity]  #: what it gives now
+    before: list[Quantity]  #: computed values at the start
+    after: list[Quantity]  #: computed values at the end
     runs: int  #: number of runs made
 
 
 def read_free(assignment: str) -> Free:
-    """Return a key with its bounds as a user has written them: `KEY=800..3000 W/(m^2 K)`."""
+    """Return a key with its bounds from a text such as `KEY=800..3000 W/(m^2 K)`."""
     where = f'--free "{assignment}"'
     key, equals, bounds = assignment.partition("=")
     low, dots, high = bounds.partition("..")
@@ -137,11 +138,11 @@ def fit(
     """Fit some keys.
 
     Args:
-        residuals: (computed - measured)/error; runs the case.
-        keys: To be fitted.
-        start: Where to begin, in their units; drawn into the bounds.
-        errors_known: Whether the errors are those of the measurement; otherwise their size is taken
-            from the residuals of the best fit.
+        residuals: Residuals (computed - measured)/error; runs the case.
+        keys: Keys to fit.
+        start: Start values in their units; moved into the bounds.
+        errors_known: Whether measurement errors are given; otherwise they are estimated from the
+            residuals of the best fit.
     """
     from scipy.optimize import least_squares
 
@@ -162,7 +163,7 @@ def fit(
     (first,) = residuals([at(begin)])
     if len(first) < p:
         raise InputError(
-            f"{len(first)} measured values cannot tell {p} keys; give more, or fit less"
+            f"{len(first)} measured values cannot determine {p} keys; give more, or fit fewer"
         )
     found = least_squares(
         lambda point: residuals([at(point)])[0], begin, jac=slopes, bounds=(0.0, 1.0),
@@ -183,8 +184,8 @@ def _uncertainty(
 ) -> tuple[Array, Array]:
     """Half the 95 % intervals of the scaled keys (p,), and their correlation (p, p).
 
-    NaN for keys that the data do not distinguish, and for all where errors are not known and there
-    are no more data than keys.
+    NaN for keys that the data do not separate, and for all keys if errors are unknown and there are
+    no more data than keys.
     """
     from scipy import stats
 
@@ -213,11 +214,11 @@ def calibrate(
     """Fit keys of a case to measured values.
 
     Args:
-        case: The case; its own values are where the fit begins, if they are plain quantities.
-        measured: From `castfem.studies.calibration.measured`.
-        keys: To be fitted, with their bounds.
-        evaluator: Of `followed(case, measured)`; runs it.
-        ended: Called with each run that is made, and how it has ended.
+        case: The case; the fit starts from its values if they are plain quantities.
+        measured: Values from `castfem.studies.calibration.measured`.
+        keys: Keys to fit, with their bounds.
+        evaluator: Evaluator of `followed(case, measured)`, which makes the runs.
+        ended: Called with each run and its outcome.
     """
     known: dict[str, list[Quantity]] = {}
 
@@ -239,7 +240,7 @@ def calibrate(
 
 
 def followed(case: Case, measured: Sequence[Measured]) -> Case:
-    """The case, followed as far as there are data; for those in the copper to the mould's exit."""
+    """The case, followed to the last measurement; for thermocouples to the mould's exit."""
     copper, exit_ = thermocouples(case), 0.0 if case.mould is None else case.mould.length
     reach = {
         one: exit_ if one.name.partition(".")[0] in copper else one.position for one in measured
@@ -248,8 +249,8 @@ def followed(case: Case, measured: Sequence[Measured]) -> Case:
     last, length = reach[farthest], case.casting.length
     if last <= 0.0:
         raise InputError(
-            f"{farthest.where}: all values are of the meniscus itself, where no casting has acted "
-            "yet; give some of further down"
+            f"{farthest.where}: all values are at the meniscus, where no parameter has an effect "
+            "yet; give some below it"
         )
     if last > length * (1 + ROUNDING):
         needed = "was measured" if last == farthest.position else "of mould take its heat"
@@ -261,11 +262,11 @@ def followed(case: Case, measured: Sequence[Measured]) -> Case:
 
 
 def computed(case: Case, folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
-    """Return what the run of a case gives where there are data.
+    """Return the results of a run of the case at the measurements.
 
     Raises:
-        InputError: It has no such result there.
-        RunFailure: The copper of the mould has no temperature.
+        InputError: The run has no such result there.
+        RunFailure: The temperature of the copper cannot be computed.
     """
     table, found = read_columns(folder / HISTORY_NAME), []
     copper, in_copper = CopperTemperatures(case, folder), thermocouples(case)
@@ -285,7 +286,7 @@ def computed(case: Case, folder: Path, measured: Sequence[Measured]) -> list[Qua
 
 
 def _start(case: Case, key: Free) -> float:
-    """The value of a key in the case, in the unit of its bounds; the middle of them without."""
+    """Value of a key in the case, in the unit of its bounds; otherwise their middle."""
     value = units.number_in(value_of(case, key.key), key.unit)
     return 0.5 * (key.low + key.high) if value is None else value
 
@@ -295,7 +296,7 @@ def _text(values: Mapping[str, str]) -> str:
 
 
 def write(folder: Path, found: Calibration) -> None:
-    """Write the data with what was computed, the fit, and the calibrated case."""
+    """Write the data with the computed values, the fit, and the calibrated case."""
     rows = [["position [m]", "result", "unit", "measured", "error", "before", "after"]]
     for data, before, after in zip(found.measured, found.before, found.after, strict=True):
         unit = before.shown_unit

@@ -1,8 +1,7 @@
-"""What was measured, as a CSV file has it, and what a run has there.
+"""Measurements from a CSV file, and the corresponding results of a run.
 
-Values at points: `tc1.temperature` is of a probe, `[[output.probe]]`, in the strand, or of a
-thermocouple of `[[mould.tube.thermocouple]]` in the copper, whose temperature follows from the heat
-of the run.
+`tc1.temperature` is a value at a probe, `[[output.probe]]`, in the strand, or at a thermocouple of
+`[[mould.tube.thermocouple]]` in the copper, whose temperature follows from the heat of the run.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from castfem.runs.output.folder import PROBES_NAME
 from castfem.runs.output.history import read_columns
 from castfem.runs.results.probes import HEAT, MECHANICS, PHASES
 
-_ERROR = " error"  # ends the name of a column of errors
+_ERROR = " error"  # suffix of the names of error columns
 _POSITION = "position"
 _SAMPLE = "position [mm], surface_temperature_mid_face [degC]"
 
@@ -36,25 +35,25 @@ _SAMPLE = "position [mm], surface_temperature_mid_face [degC]"
 class Measured:
     """One measured value."""
 
-    position: float  #: below the meniscus, m
-    name: str  #: of the result, as in history.csv; `tc1.temperature` of the probe tc1
+    position: float  #: position below the meniscus, m
+    name: str  #: name of the result, as in history.csv; `tc1.temperature` for the probe tc1
     value: float  #: SI
-    error: float  #: standard deviation, SI; NaN where none is given
-    source: str = ""  #: file and line, "" for none
+    error: float  #: standard deviation, SI; NaN if not given
+    source: str = ""  #: file and line, "" if unknown
 
     @property
     def where(self) -> str:
-        """What a message about it begins with."""
+        """Start of messages about it."""
         return f"{self.source}: {self.name}" if self.source else self.name
 
 
 def read_measured(path: Path) -> list[Measured]:
-    """Return the values of a file: a column of positions, one a result, and perhaps its errors.
+    """Return the values of a file: a column of positions, one per result, optionally its errors.
 
         position [mm], surface_temperature_mid_face [degC], surface_temperature_mid_face error [K]
         1200, 1043, 10
 
-    Cells may be empty. Either all values have errors, or all are of one result and none has.
+    Cells may be empty. Either all values have errors, or all belong to one result and none has.
     """
     try:
         file = read_csv(path)
@@ -80,7 +79,7 @@ def read_measured(path: Path) -> list[Measured]:
 
 
 def _values(cells: dict[str, tuple[Heading, str]], where: str) -> Iterator[Measured]:
-    """The values of a row, from its cells by column."""
+    """Values of a row, from its cells by column."""
     if _POSITION not in cells:
         raise InputError(f"{where}: the position is missing")
     place = _si(*cells[_POSITION], where)
@@ -106,7 +105,7 @@ def _unknown_columns(names: list[str]) -> Iterator[str]:
 
 
 def _wrong_units(headings: Iterable[Heading]) -> Iterator[str]:
-    """Units of columns that do not measure their results; unknown results are left to the run."""
+    """Units of columns with the wrong dimension; unknown results are reported by the run."""
     for heading in headings:
         bare = heading.name.removesuffix(_ERROR)
         unit = (unit_at_probe if is_of_probe(bare) else unit_of)(bare)
@@ -143,14 +142,14 @@ def _si(heading: Heading, cell: str, where: str, *, difference: bool = False) ->
 
 
 def _check_errors(path: Path, found: list[Measured]) -> None:
-    """Refuse values of several results without weights."""
+    """Refuse values of several results without errors."""
     if not found:
         raise InputError(f"{path}: holds no measured value")
     missing = [m for m in found if not math.isfinite(m.error)]
     if missing and len(missing) < len(found):
         name, place = missing[0].name, 1e3 * missing[0].position
         raise InputError(
-            f"{path}: {name} at {place:g} mm has no error and others have; give all of them, "
+            f"{path}: {name} at {place:g} mm has no error, but others have; give all of them, "
             f"{name}{_ERROR}, or none"
         )
     names = {m.name for m in found}
@@ -162,7 +161,7 @@ def _check_errors(path: Path, found: list[Measured]) -> None:
 
 
 def residuals(measured: Sequence[Measured], computed: Sequence[Quantity]) -> Array:
-    """(computed - measured)/error, the difference in SI where there is no error (n,)."""
+    """(computed - measured)/error (n,), the difference in SI if there is no error."""
     found = []
     for data, ours in zip(measured, computed, strict=True):
         if not math.isfinite(ours.value):
@@ -178,7 +177,7 @@ _DOT = "."  # between the name of the probe and that of its column
 
 
 def is_of_probe(name: str) -> bool:
-    """Return whether a measured column is of a probe."""
+    """Return whether a measured column belongs to a probe."""
     return _DOT in name
 
 
@@ -189,7 +188,7 @@ def unit_at_probe(name: str) -> str | None:
 
 
 def misfit(name: str, unit: str) -> str:
-    """Return why a unit does not measure a column of a probe; "" if it does, or is not known."""
+    """Return why a unit does not fit a column of a probe; "" if it fits, or is unknown."""
     wanted = unit_at_probe(name)
     if wanted is None or parse_any(f"1 {unit}")[1] == parse_any(f"1 {wanted}")[1]:
         return ""
@@ -218,7 +217,7 @@ def thermocouples(case: Case) -> dict[str, CopperThermocouples]:
 
 
 def value_at(folder: Path, name: str, position: float) -> Quantity:
-    """Return what a run has at a probe where the slice came to a position (m)."""
+    """Return the value of a run at a probe and a position (m) of the slice."""
     probe, _, column = name.rpartition(_DOT)
     table = read_columns(folder / PROBES_NAME / f"{probe}.csv")
     places = table["position"]

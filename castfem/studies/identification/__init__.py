@@ -1,1 +1,1 @@
-"""Parameters of a flow law from measured tensile curves."""
+"""Identification of the parameters of a flow law from measured tensile curves."""

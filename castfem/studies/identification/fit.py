@@ -1,14 +1,14 @@
-"""Parameters of the modified Norton-Hoff law (163) from tensile curves (thesis V.1.5).
+"""Fits the parameters of the modified Norton-Hoff law (163) to tensile curves (thesis V.1.5).
 
-Beyond the elastic part, at constant rate, the curve is linear in the parameters once the logarithm
-is taken:
+Above the elastic part, at constant rate, the logarithm of the curve is linear in the parameters:
 
     ln s - ln sqrt3  =  ln(K0 p2) - p1 e + p3 ln(sqrt3 r) + p4 ln e,
 
-so errors are relative, one best fit exists, and what the data cannot tell shows in the Jacobian.
-The parameters are found for each temperature by itself or as polynomials over temperature.  Bounded
-least squares; the confidence intervals come from the Jacobian and are widened for residuals that
-hang together along a curve (the points of one curve are not so many independent measurements).
+so that errors are relative, the best fit is unique, and the Jacobian shows what the data do not
+determine. The parameters are found for each temperature separately or as polynomials over
+temperature. Bounded least squares; the confidence intervals come from the Jacobian and are widened
+for residuals that are correlated along a curve (the points of one curve are not independent
+measurements).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -36,12 +36,12 @@ class IdentificationSettings:
     """Settings of the fit of a law to tensile tests."""
 
     confidence: float = 0.95  #: probability of the intervals
-    prior: float = 1e-5  #: pull on what the data leave open, over that of one point
-    #: p1, p3, p4 where the data say nothing
+    prior: float = 1e-5  #: weight of the prior on undetermined parameters, relative to one point
+    #: prior values of p1, p3, p4
     prior_values: tuple[float, float, float] = (0.0, 0.13, 0.1)
-    #: singular value, over the largest, below which the data leave a direction open
+    #: relative singular value below which the data leave a direction undetermined
     open: float = 1e-6
-    points: int = 4  #: least number of points of a temperature
+    points: int = 4  #: smallest number of points at a temperature
 
 
 SETTINGS = IdentificationSettings()
@@ -50,23 +50,23 @@ GUESSED = np.array([0.0, 1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class IdentifyOptions:
-    """How to fit."""
+    """Options of the fit."""
 
     degree: int | None = None
-    """None fits each temperature by itself; a number makes ln(K0 p2), p1, p3 and p4 polynomials
-    of that degree over temperature, through all data at once."""
+    """None fits each temperature separately; a number makes ln(K0 p2), p1, p3 and p4 polynomials of
+    that degree over temperature, fitted to all data together."""
     softening: Literal["positive", "free", "none"] = "positive"
-    """"positive" lets p1 be 0 or more, "free" any, "none" keeps it at 0."""
+    """"positive" restricts p1 to 0 or more, "free" does not restrict it, "none" fixes it at 0."""
     least_strain: float = 0.002
-    """Points below it are left out: the elastic part and the machine's compliance."""
-    largest_strain: float = 1.0  #: points beyond it are left out: necking
-    points: int = 40  #: A curve with more points is thinned to this many, evenly over ln(strain)
+    """Points below this strain are left out: elastic part and compliance of the machine."""
+    largest_strain: float = 1.0  #: points above this strain are left out: necking
+    points: int = 40  #: Larger curves are thinned to this many points, evenly in ln(strain)
     p3: tuple[float, float] = (0.005, 1.0)  #: bounds
     p4: tuple[float, float] = (0.0, 0.95)  #: bounds
 
     @property
     def bounds(self) -> Array:
-        """Least and most of ln(K0 p2 / Pa), p1, p3, p4: (4, 2)."""
+        """Lower and upper bounds of ln(K0 p2 / Pa), p1, p3, p4: (4, 2)."""
         p1 = {"positive": (0.0, 1e4), "free": (-1e4, 1e4), "none": (0.0, 0.0)}[self.softening]
         return np.array([(-50.0, 100.0), p1, self.p3, self.p4])
 
@@ -78,9 +78,9 @@ class _Problem:
     design: Array  #: (points, unknowns)
     goal: Array  #: ln(s / sqrt3), (points,)
     least: Array  #: lower bounds of the unknowns
-    most: Array  #: upper bounds; equal to the lower one for an unknown that is held
-    prior: Array  #: values taken where the data leave an unknown open
-    guessed: Array  #: 1 where the prior may speak; 0 for the level, which follows from the others
+    most: Array  #: upper bounds; equal to the lower one for a fixed unknown
+    prior: Array  #: prior values of undetermined unknowns
+    guessed: Array  #: 1 where the prior applies; 0 for the level, which follows from the others
     curves: list[Indices] = field(default_factory=list)  #: indices of the points along each curve
 
 
@@ -103,7 +103,7 @@ def identify(
 
 
 def _usable(data: TensileData, options: IdentifyOptions) -> TensileData:
-    """Leave out the elastic part, necking and stresses that have no logarithm; thin long curves."""
+    """Remove the elastic part, necking and stresses without a logarithm; thin long curves."""
     inside = (
         (data.strain >= options.least_strain)
         & (data.strain <= options.largest_strain)
@@ -134,14 +134,14 @@ def _columns(data: TensileData) -> Array:
 
 
 def _prior_of(data: TensileData, columns: Array) -> Array:
-    """Values of the four parameters to fall back on, the level such that the mean is met."""
+    """Prior values of the four parameters, with the level that fits the mean."""
     others = np.array(SETTINGS.prior_values)
     level = np.mean(np.log(data.stress / SQRT3) - columns[:, 1:] @ others)
     return np.array([level, *others])
 
 
 def _solve(problem: _Problem) -> tuple[Array, Array]:
-    """Return the unknowns and their covariance (infinite where left open, 0 where held)."""
+    """Return the unknowns and their covariance (infinite if undetermined, 0 if fixed)."""
     moving = problem.most > problem.least
     values = np.where(moving, 0.0, problem.least)
     weight = (SETTINGS.prior * np.abs(problem.design).max(axis=0) * problem.guessed)[moving]
@@ -161,7 +161,7 @@ def _solve(problem: _Problem) -> tuple[Array, Array]:
 
 
 def _covariance(problem: _Problem, residual: Array, fixed: Flags) -> Array:
-    """Covariance of the unknowns: 0 for those that are fixed, infinite for those left open."""
+    """Covariance of the unknowns: 0 for fixed ones, infinite for undetermined ones."""
     size = len(fixed)
     covariance = np.zeros((size, size))
     free = np.flatnonzero(~fixed)
@@ -175,7 +175,7 @@ def _covariance(problem: _Problem, residual: Array, fixed: Flags) -> Array:
     inverse = np.zeros_like(singular)
     inverse[known] = variance / singular[known] ** 2
     part = (right.T * inverse) @ right / np.outer(scale, scale)
-    # A parameter that takes part in an open direction is not known at all.
+    # A parameter that takes part in an undetermined direction is itself undetermined.
     open_ = (np.abs(right[~known]) > 1e-3).any(axis=0)
     part[open_, :], part[:, open_] = 0.0, 0.0
     part[open_, open_] = np.inf
@@ -184,9 +184,9 @@ def _covariance(problem: _Problem, residual: Array, fixed: Flags) -> Array:
 
 
 def _widening(residual: Array, curves: list[Indices]) -> float:
-    """Factor on the variance for residuals that are alike along a curve.
+    """Factor on the variance for residuals that are correlated along a curve.
 
-    By their lag-1 correlation k: n points count as n (1 - k)/(1 + k) independent ones.
+    With their lag-1 correlation k n points count as n (1 - k)/(1 + k) independent ones.
     """
     products = sum(float(residual[c][1:] @ residual[c][:-1]) for c in curves)
     squares = sum(float(residual[c] @ residual[c]) for c in curves)
@@ -262,7 +262,7 @@ def _lagrange(nodes: Array, at: Array) -> Array:
 
 
 def _combined(weights: Array, covariance: Array) -> Array:
-    """Covariance of weighted sums; infinite if an unknown with weight is."""
+    """Covariance of weighted sums; infinite if that of an unknown with weight is."""
     open_ = np.isinf(np.diag(covariance))
     finite = np.where(np.isinf(covariance), 0.0, covariance)
     spread = weights @ finite @ weights.T

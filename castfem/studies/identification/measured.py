@@ -1,11 +1,11 @@
-"""Tensile curves from a CSV file: temperature, strain rate, strain, stress, one point a row.
+"""Reads tensile curves from a CSV file: temperature, strain rate, strain, stress per row.
 
 The header names the columns, in any order, and their units:
 
     temperature [degC], strain rate [1/s], strain [percent], stress [MPa]
 
-Lines that begin with # are passed over; a semicolon may separate the columns.  Strain is the total
-axial strain without the thermal one, stress the true axial stress.
+Lines that begin with # are skipped; a semicolon may separate the columns. Strain is the total axial
+strain without thermal strain, stress the true axial stress.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ HEADER = "temperature [degC], strain rate [1/s], strain [-], stress [MPa]"
 
 @dataclass(frozen=True, slots=True)
 class TensileData:
-    """Points of tensile curves, all arrays (n,)."""
+    """Points of tensile curves; all arrays are (n,)."""
 
-    temperature: Array  #: K; that of a group of tests is their mean
+    temperature: Array  #: temperatures, K; the mean for a group of tests
     rate: Array  #: strain rate, 1/s
     strain: Array  #: total axial strain
     stress: Array  #: axial stress, Pa
-    name: str = "tensile curves"  #: where they come from
+    name: str = "tensile curves"  #: their source
 
     @property
     def temperatures(self) -> Array:
@@ -98,7 +98,7 @@ def read_tensile(path: str | os.PathLike[str]) -> TensileData:
     if problems:
         raise InputError(problems)
     temperature, rate, strain, stress = np.array(points).T
-    # Tests within 1 K are of one temperature, within 2 % of one rate.
+    # Tests within 1 K count as one temperature, within 2 % as one rate.
     return TensileData(
         _gathered(temperature, 1.0), np.exp(_gathered(np.log(rate), 0.02)),
         strain, stress, source.name,
@@ -108,7 +108,7 @@ def read_tensile(path: str | os.PathLike[str]) -> TensileData:
 def _header(
     where: str, headings: tuple[Heading, ...]
 ) -> tuple[dict[str, int], dict[str, str], list[str]]:
-    """Return place and unit of each column, and what is wrong with the header."""
+    """Return index and unit of each column, and the faults of the header."""
     places: dict[str, int] = {}
     units: dict[str, str] = {}
     problems = []

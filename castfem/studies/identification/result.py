@@ -1,4 +1,4 @@
-"""What a fit of the modified Norton-Hoff law has found: numbers, warnings, law, file, picture."""
+"""Result of fitting the modified Norton-Hoff law: parameters, warnings, law, file, picture."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAMES = ("strength", "p1", "p3", "p4")
-WIDE = {"strength": 1.0, "p3": 0.1, "p4": 0.2}  # an interval wider than this tells little
+# width of an interval above which the parameter is poorly determined
+WIDE = {"strength": 1.0, "p3": 0.1, "p4": 0.2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +35,10 @@ class Fit:
     temperature: float  #: K
     values: tuple[float, float, float, float] | tuple[float, ...]  #: ln(K0 p2 / Pa), p1, p3, p4
     half_width: tuple[float, ...]
-    """Of their confidence intervals; infinite where the data say nothing, 0 if held."""
-    at_bound: tuple[bool, ...]  #: which of them a bound holds
-    points: int  #: points used
-    rates: int  #: how many strain rates they have
+    """Half widths of their confidence intervals; infinite if undetermined, 0 if fixed."""
+    at_bound: tuple[bool, ...]  #: which of them are at a bound
+    points: int  #: number of points used
+    rates: int  #: number of strain rates
     rms: float  #: root mean square of the residual in ln(stress)
     worst: float  #: largest residual in ln(stress)
 
@@ -51,12 +52,12 @@ class Fit:
 class IdentifiedLaw:
     """A fitted law."""
 
-    fits: tuple[Fit, ...]  #: one a temperature, increasing
+    fits: tuple[Fit, ...]  #: one per temperature, increasing
     given: TensileData  #: all points of the file
-    used: TensileData  #: those the fit was made with
+    used: TensileData  #: points used in the fit
     degree: int | None
-    """Of the polynomials over temperature; None if each temperature stands alone."""
-    confidence: float  #: of the intervals, such as 0.95
+    """Degree of the polynomials over temperature; None if temperatures are fitted separately."""
+    confidence: float  #: probability of the intervals, such as 0.95
 
     @property
     def temperature(self) -> Array:
@@ -96,7 +97,7 @@ class IdentifiedLaw:
         return modified_norton_hoff(strain, rate, fit.strength, *fit.values[1:])
 
     def statements(self) -> tuple[str, ...]:
-        """What the data do not tell, one sentence each."""
+        """Statements on what the data do not determine, one sentence each."""
         found = []
         for k, name in enumerate(NAMES):
             open_ = [f for f in self.fits if math.isinf(f.half_width[k])]
@@ -205,7 +206,7 @@ class IdentifiedLaw:
         return target
 
     def _draw_curves(self, figure: Figure, axes: Any, shown: tuple[Fit, ...]) -> None:
-        """Measured points and fitted curves, one panel a temperature."""
+        """Measured points and fitted curves, one panel per temperature."""
         from matplotlib import colormaps
         from matplotlib.lines import Line2D
 
@@ -235,7 +236,7 @@ class IdentifiedLaw:
         figure.legend(lines, labels, loc="outside upper center", ncols=min(len(rates), 8))
 
     def _draw_parameter(self, axis: Axes, name: str) -> None:
-        """One parameter with its intervals; open ones are hollow."""
+        """One parameter with its intervals; undetermined values are hollow."""
         scale = 1e-6 if name == "strength" else 1.0
         t = self.temperature - ZERO_CELSIUS
         values = scale * self.parameter(name)
@@ -256,7 +257,7 @@ class IdentifiedLaw:
 
 
 def _places(fits: list[Fit]) -> str:
-    """Temperatures in a sentence."""
+    """Temperatures as a list in a sentence."""
     return ", ".join(f"{f.temperature - ZERO_CELSIUS:.0f}" for f in fits) + " degC"
 
 
@@ -267,7 +268,7 @@ def _cause(name: str, fits: list[Fit]) -> str:
 
 
 def _vague(fit: Fit, k: int) -> bool:
-    """Whether an interval is finite but too wide to mean much."""
+    """Whether an interval is finite but very wide."""
     half = fit.half_width[k]
     if math.isinf(half) or fit.at_bound[k]:
         return False
@@ -297,5 +298,5 @@ def _half_text(half: float, relative: bool) -> str:
 
 
 def _text(name: str) -> str:
-    """A file name that may stand in a TOML text."""
+    """A file name as a TOML text."""
     return name.replace("\\", "/").replace('"', "'")

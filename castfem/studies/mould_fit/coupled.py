@@ -1,9 +1,9 @@
-"""The hot mould of a case: strand -> flux -> tube -> wall -> strand, until they agree.
+"""The hot mould of a case: iteration strand -> flux -> tube -> wall -> strand to convergence.
 
-The strand's flux heats the tube; the tube's shape, where the mould is given cold, and the
-temperature of its hot face, where the strand's cooling takes it from the mould, go back to the
-strand. The shape answers the flux weakly (a tenth more heat widens the wall by 20 um), so that
-plain repetition comes to rest.
+The strand's flux heats the tube. The tube's shape, if the mould is given cold, and the temperature
+of its hot face, if the strand's cooling uses that of the mould, act on the strand. The shape
+depends weakly on the flux (10 % more heat widens the wall by 20 um), so that fixed-point iteration
+converges.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """When the turns of strand and mould end."""
+    """Convergence criteria of strand and mould."""
 
-    shape: float = 2e-6  #: change of the wall from one turn to the next below which they agree, m
-    heat: float = 1e-3  #: the same of the heat removed, relative
-    most: int = 8  #: turns at most
+    shape: float = 2e-6  #: change of the wall per iteration at convergence, m
+    heat: float = 1e-3  #: relative change of the heat removed at convergence
+    most: int = 8  #: largest number of iterations
 
 
 AGREEMENT = Agreement()
@@ -56,27 +56,27 @@ AGREEMENT = Agreement()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turn:
-    """One time round."""
+    """One iteration."""
 
-    strand: Followed | None  #: the run whose flux heated the tube; None where the flux is given
-    wall: HotWall  #: what came of it
-    moved: float  #: largest change of the wall since the turn before, m; NaN in the first
-    heat: float  #: relative change of the heat removed since then; likewise
+    strand: Followed | None  #: the run whose flux heated the tube; None if the flux is given
+    wall: HotWall  #: resulting wall
+    moved: float  #: largest change of the wall since the previous iteration, m; NaN in the first
+    heat: float  #: relative change of the heat removed since then; NaN in the first
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """The mould cold and at work."""
+    """The mould in the cold and in the working condition."""
 
-    cold: Mould  #: as it is made
-    hot: Mould  #: as the strand meets it
+    cold: Mould  #: the cold mould
+    hot: Mould  #: the working mould
     displacement: WallDisplacement | None
-    """From the sizes and the taper in the case to the wall at work: what `mould.displacement`
-    takes; None where the case gives the mould at work."""
+    """Displacement from the case's sizes and taper to the working wall, for `mould.displacement`;
+    None if the case gives the working mould."""
 
 
 def table_of(case: Case, origin: str) -> MouldTable:
-    """Return [mould] of a case that has a tube."""
+    """Return [mould] of a case with a tube."""
     table = case.mould
     if table is None or table.tube is None:
         raise InputError(
@@ -103,7 +103,7 @@ def copper_of(table: MouldTable) -> Copper:
 
 
 def settings_of(table: MouldTable) -> TubeSettings:
-    """Return the tube of a mould that has one."""
+    """Return the tube settings of a mould that has one."""
     given = table.tube
     assert given is not None
 
@@ -131,15 +131,15 @@ def hot_mould_of(
     turns: int = 1,
     report: Callable[[int, Turn], None] = lambda number, turn: None,
 ) -> list[Turn]:
-    """Return the turns of a case's hot mould, the last of which is the answer (collective).
+    """Return the iterations of a case's hot mould, the last of which is the result (collective).
 
     Args:
-        case: With [mould.tube].
-        comm: Ranks.
-        origin: What the user called the case, for messages.
-        turns: Most of them; 1 heats the tube once. They end before where wall and heat agree, and
-            after one where the tube's flux or its faces' temperatures are given.
-        report: Called after each.
+        case: A case with [mould.tube].
+        comm: Communicator.
+        origin: Name of the case in messages.
+        turns: Largest number of iterations; 1 heats the tube once. They end when wall and heat have
+            converged, and after one if the tube's flux or face temperatures are given.
+        report: Called after each iteration.
     """
     table = table_of(case, origin)
     assert table.tube is not None
@@ -161,7 +161,7 @@ def hot_mould_of(
 
 
 def given_flux(table: MouldTable, mould: Mould) -> FluxMap | None:
-    """Return the flux that [mould.tube] gives; None where it gives the hot face's temperature."""
+    """Return the flux given in [mould.tube]; None if it gives the temperature of the hot face."""
     assert table.tube is not None
     if table.tube.flux is None:
         return None
@@ -171,22 +171,22 @@ def given_flux(table: MouldTable, mould: Mould) -> FluxMap | None:
 
 
 def flux_of(strand: Followed, mould: Mould) -> FluxMap:
-    """Return what a strand gives off within its mould, on the mould's wall."""
+    """Return the heat flux of a strand within its mould, on the mould's wall."""
     inside = strand.positions <= mould.length * (1.0 + 1e-9)
     sides = sides_of(mould.cavity, mould.tapers, 0.0)
     return of_strand(strand.positions[inside], strand.line.place, strand.flux[inside], sides)
 
 
 def drawing(table: MouldTable, mould: Mould, wall: HotWall) -> Drawing:
-    """Return the mould cold and at work, from the displacement that the heat makes.
+    """Return the cold and the working mould, from the displacement by heat.
 
-    Of a mould given at work it is the cold one that is found, of a cold one that at work. Where
-    no size of a cold one is given, the cavity at work has that of the strand at the meniscus.
+    For a working mould the cold one is determined, and vice versa. Sizes left out of a cold mould
+    are those of the strand at the meniscus in the working condition.
 
     Args:
         table: [mould].
-        mould: Of its sizes and taper as they are written.
-        wall: What the heat has done to it.
+        mould: Mould with sizes and taper as written.
+        wall: The hot wall.
     """
     heat = wall.displacement
     if table.condition == "working":
@@ -205,9 +205,9 @@ def _displaced(mould: Mould, displacement: WallDisplacement) -> Mould:
 
 
 def _heated(case: Case, table: MouldTable, wall: HotWall | None) -> Case:
-    """Return the case down to the end of its mould, with the wall of the turn before.
+    """Return the case down to the end of its mould, with the wall of the previous iteration.
 
-    The first has the wall as it is drawn, without the free expansion of [mould.copper].
+    The first iteration has the nominal wall, without the free expansion of [mould.copper].
     """
     changes: dict[str, Any] = {}
     if case.casting.length > table.length:
@@ -225,7 +225,7 @@ def _heated(case: Case, table: MouldTable, wall: HotWall | None) -> Case:
 
 
 def _takes_wall(case: Case) -> bool:
-    """Return whether a law of the cooling has the wall's temperature from the mould."""
+    """Return whether a law of the cooling takes the wall temperature from the mould."""
     return any(
         isinstance(law, Contact) and law.wall in (None, MOULD)
         for zone in case.cooling
@@ -234,7 +234,7 @@ def _takes_wall(case: Case) -> bool:
 
 
 def _temperature(positions: Array, kelvin: Array) -> dict[str, Any]:
-    """Return a table of the wall's temperature as a case file has it."""
+    """Return a table of the wall temperature for a case file."""
     rows = np.linspace(0.0, positions[-1], 21)
     return {
         "position": rows.tolist(),
@@ -254,14 +254,14 @@ def _turn(strand: Followed, wall: HotWall, before: Turn | None) -> Turn:
 
 
 class CopperTemperatures:
-    """The copper of a case as the heat of its run leaves it; the strand keeps its wall."""
+    """Temperature of the copper of a case for the heat of its run; the strand keeps its wall."""
 
     def __init__(self, case: Case, folder: Path) -> None:
         self._case, self._folder = case, folder
 
     @cached_property
     def _tube(self) -> tuple[HotMould, Heated]:
-        """The tube with its temperature; computed at the first reading."""
+        """The tube with its temperature; computed on first use."""
         table = table_of(self._case, str(self._folder))
         mould = nominal_mould(table, self._case.section)
         tube = HotMould(MPI.COMM_SELF, mould, copper_of(table), settings_of(table))
@@ -275,7 +275,7 @@ class CopperTemperatures:
 
         Args:
             one: The row.
-            position: Of the thermocouple below the meniscus, m.
+            position: Position of the thermocouple below the meniscus, m.
         """
         tube, heated = self._tube
         length = tube.mould.length

@@ -1,4 +1,4 @@
-"""One run in memory: what the surface of the strand gives off and where it goes, all the way."""
+"""A run in memory that records heat flux and outline of the strand's surface."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """The surface of a strand from the meniscus to the end of the run; the same on all ranks."""
+    """The surface of a strand from the meniscus to the end of the run; equal on all ranks."""
 
     line: SurfaceLine  #: its vertices
-    positions: Array  #: of the samples (p,), m
-    flux: Array  #: that it gives off (p, n), W/m2
+    positions: Array  #: positions of the samples (p,), m
+    flux: Array  #: heat flux out of the surface (p, n), W/m2
     outline: Array
-    """Where its vertices are (p, n, 2), m; as at the meniscus in a run without mechanics."""
-    summary: Summary  #: of the run
+    """Positions of its vertices (p, n, 2), m; constant in a run without mechanics."""
+    summary: Summary  #: summary of the run
 
     def value(self, name: str) -> float:
-        """Return a result of the run, SI; NaN where it has none of that name."""
+        """Return a result of the run, SI; NaN if there is none of that name."""
         found = self.summary.quantities.get(name)
         return float("nan") if found is None else float(found.value)
 
 
 @dataclass
 class _Follower:
-    """Takes flux and outline off every committed step."""
+    """Records flux and outline of every committed step."""
 
     simulation: Simulation
     line: SurfaceLine
@@ -73,11 +73,11 @@ class _Follower:
 
 
 def follow(case: Case, comm: MPI.Comm) -> Followed:
-    """Run a case in memory and return what its surface went through (collective).
+    """Run a case in memory and return the history of its surface (collective).
 
     Raises:
-        InputError: As a run does.
-        RunFailure: The run cannot go on.
+        InputError: The case cannot be run.
+        RunFailure: The run failed.
     """
     simulation = build(case, comm)
     try:

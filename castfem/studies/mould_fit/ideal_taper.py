@@ -1,10 +1,10 @@
-"""The ideal taper: that of the strand in its idealised mould, where a search for tapers begins.
+"""The ideal taper: that of the strand in its idealised mould, where a search for tapers starts.
 
-V.2.1.1 of [Pascon2003] reads the taper of the width (302) and that of the diagonal (303) off the
-shape that a strand takes in a mould that follows it. Here tapers of any kind are fitted to width
-and diagonal all along the mould. A wall that falls behind the diagonal leaves the corner without
-contact, one that advances on the width only presses on a soft face: a single taper for both is
-fitted to the diagonal.
+V.2.1.1 of [Pascon2003] derives the taper of the width (302) and that of the diagonal (303) from the
+shape of a strand in a mould that follows it. Here tapers of any kind are fitted to width and
+diagonal along the whole mould. A wall that lags behind the diagonal leaves the corner without
+contact, while one ahead of the width only presses on a soft face: a single taper for both is
+therefore fitted to the diagonal.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ _SIZES = {
 def fitted_tapers(
     mould_of: Callable[[Array], Mould], start: Array, tapers: Mapping[int, str], folder: Path
 ) -> Array:
-    """Return variables of a mould (n,), its tapers fitted to an idealised strand.
+    """Return the variables of a mould (n,) whose tapers are fitted to an idealised strand.
 
     Args:
-        mould_of: Builds the mould with such variables, shares of their ranges.
-        start: Where they begin (n,); those of no taper stay.
-        tapers: Number and key of each variable that is fitted.
-        folder: Of the run in the idealised mould.
+        mould_of: Builds the mould from such variables, as fractions of their ranges.
+        start: Start values (n,); variables other than tapers keep them.
+        tapers: Index and key of each fitted variable.
+        folder: Folder of the run in the idealised mould.
     """
     from scipy.optimize import lsq_linear
 
@@ -56,11 +56,11 @@ def fitted_tapers(
         return start
 
     def off(shares: Array) -> Array:
-        """Width and diagonal as far as they close in, wall less strand."""
+        """Difference of the closing of width and diagonal, wall minus strand."""
         wall = walls(shares)
         return np.concatenate([wall[n] - wall[n][0] - strand[n] + strand[n][0] for n in names])
 
-    # Sizes are all but linear in the tapers: two differences and a solve, twice.
+    # Sizes are almost linear in the tapers: two differences and a solve, twice.
     found, numbers = np.array(start, dtype=float), list(tapers)
     for _ in range(2):
         base = off(found)
@@ -76,9 +76,9 @@ def fitted_tapers(
 
 
 def _fitted_to(sizes: list[str], keys: list[str]) -> list[str]:
-    """Which sizes the tapers of some keys are fitted to.
+    """Names of the sizes to which the tapers of some keys are fitted.
 
-    One taper of all faces follows the corner; those of each face by itself leave it out.
+    A single taper of all faces follows the corner; separate tapers of the faces do not.
     """
     if "diagonal" not in sizes or any(".corner" in key for key in keys):
         return sizes
@@ -87,10 +87,10 @@ def _fitted_to(sizes: list[str], keys: list[str]) -> list[str]:
 
 
 def strand_sizes(history: Columns, places: Array, cavity: dict[str, float]) -> dict[str, Array]:
-    """Sizes of the strand at places along the mould, m, of those that the cavity has there.
+    """Sizes of the strand at positions along the mould, m, among those of the cavity.
 
-    The diagonal of a rectangle that is no square goes by what its corner moves, outwards at 45
-    degrees, as if that were towards the centre.
+    The diagonal of a rectangle other than a square uses the motion of its corner, outwards at 45
+    degrees, as if it were towards the centre.
     """
 
     def along(column: str) -> Array:
@@ -99,7 +99,7 @@ def strand_sizes(history: Columns, places: Array, cavity: dict[str, float]) -> d
 
     columns = {name: _SIZES[name] for name in cavity if _SIZES.get(name) in history}
     found = {name: along(column) for name, column in columns.items()}
-    # the web of a beam blank is no height
+    # the web of a beam blank is not a height
     found = {n: v for n, v in found.items() if abs(v[0] / cavity[n] - 1.0) < 0.05}
     if "diagonal" in cavity and "diagonal" not in found and "displacement_corner" in history:
         width, height = cavity["width"], cavity["height"]

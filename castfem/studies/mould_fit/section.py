@@ -1,9 +1,9 @@
-"""The section at the meniscus whose strand has a wanted outline further down (Fig. 121).
+"""The section at the meniscus that gives a wanted outline further down (Fig. 121).
 
-In an idealised mould the strand bulges and shrinks on its way. A fixed point on its outline takes
-that back: where it stands too far out in the end, the section is made smaller there. What the
-strand does on its way hardly depends on such a change (0.2 mm of 60), so that each turn leaves some
-hundredth of the deviation.
+In an idealised mould the strand bulges and shrinks. A fixed-point iteration of its outline
+compensates for that: where it is too large at the end, the section is made smaller. The change of
+the strand hardly depends on such a correction (0.2 mm of 60), so that each iteration leaves a few
+hundredths of the deviation.
 
 Figures are those of [Pascon2003] (docs/references.md).
 """
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SectionLimits:
-    """When the section of a strand is that which was wanted."""
+    """Convergence criteria of the section."""
 
     close: float = 10e-6  #: largest deviation from the wanted outline, m
-    runs: int = 6  #: runs at most
+    runs: int = 6  #: largest number of runs
 
 
 LIMITS = SectionLimits()
@@ -44,10 +44,10 @@ LIMITS = SectionLimits()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """An outline beside a rectangle, over the way round a quarter."""
+    """An outline relative to a rectangle, over the length round a quarter."""
 
-    ways: Array  #: of the vertices (n,), m, increasing
-    offset: Array  #: how far they stand out (n,), m
+    ways: Array  #: lengths to the vertices (n,), m, increasing
+    offset: Array  #: outward distance from the rectangle (n,), m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,7 @@ class Attempt:
     start: Outline  #: outline at the meniscus
     end: Outline  #: outline at the wanted position
     worst: float  #: largest deviation there, m
-    strand: Followed  #: the run
+    strand: Followed  #: surface of the strand in the run
 
 
 def find_section(
@@ -67,12 +67,12 @@ def find_section(
     at: float | None = None,
     report: Callable[[int, Attempt], None] = lambda number, attempt: None,
 ) -> list[Attempt]:
-    """Return the runs, the last of which ends as a rectangle of the case's section (collective).
+    """Return the runs, the last of which ends with the rectangle of the case (collective).
 
     Args:
-        case: With mechanics, without a mould.
-        comm: Ranks.
-        origin: What the user called the case, for messages.
+        case: A case with mechanics and without a mould.
+        comm: Communicator.
+        origin: Name of the case in messages.
         at: Position of the wanted section, m; None: the end of the mould, or of the run.
         report: Called after each run.
     """
@@ -95,27 +95,27 @@ def find_section(
         start = Outline(start.ways, start.offset - end.offset)
     raise RunFailure(
         f"{origin}: after {LIMITS.runs} runs the section is still "
-        f"{1e6 * found[-1].worst:.0f} um off the wanted one at "
+        f"{1e6 * found[-1].worst:.0f} um off the required one at "
         f"{1e3 * at:g} mm (allowed: {1e6 * LIMITS.close:.0f} um)"
     )
 
 
 def _checked(case: Case, origin: str) -> Rectangle:
-    """Return the section of a case that can be asked."""
+    """Return the section of a case, after checking that it can be used."""
     section = case.section
     if not isinstance(section, Rectangle) or section.corner_radius == 0.0:
         raise InputError(
-            f"{origin}: section: only a rectangle with rounded corners is looked for; shape = "
+            f"{origin}: section: only a rectangle with rounded corners is supported; shape = "
             '"rectangle" with corner_radius = "5 mm"'
         )
     if case.mechanics is None:
         raise InputError(
-            f"{origin}: mechanics: the table is missing, so that the strand keeps its outline; "
+            f"{origin}: mechanics: the table is missing, so the strand does not deform; "
             "billet125/idealised has one"
         )
     if case.mould is not None:
         raise InputError(
-            f"{origin}: mould: the outline is looked for in an idealised mould, which follows the "
+            f"{origin}: mould: the outline is computed in an idealised mould, which follows the "
             "strand; leave [mould] out, as billet125/idealised does"
         )
     return section
@@ -141,22 +141,22 @@ def _changed(case: Case, at: float, start: Outline | None) -> Case:
 
 
 def _vertices(place: Array, sides: Sides) -> tuple[Array, Array]:
-    """Return the different ways of vertices (n, 2), and which of them each vertex has."""
+    """Return the distinct lengths of vertices (n, 2), and the index of that of each vertex."""
     (a, b), r = sides.middle, sides.radius
     ways, number = np.unique(np.round(ways_round(place, a, b, r), 12), return_inverse=True)
     return np.asarray(ways), np.asarray(number)
 
 
 def outline_of(points: Array, place: Array, start: Outline, sides: Sides) -> Outline:
-    """Return how far a strand's surface stands out from the rectangle.
+    """Return the outward distance of a strand's surface from the rectangle.
 
-    Vertices of a half or a whole section that stand for one place of the quarter: their mean.
+    Vertices of a half or a whole section that correspond to one place of the quarter are averaged.
 
     Args:
-        points: Where its vertices are (n, 2), m.
-        place: Where they were at the meniscus (n, 2), m.
-        start: The outline there.
-        sides: Of the rectangle.
+        points: Present positions of its vertices (n, 2), m.
+        place: Their positions at the meniscus (n, 2), m.
+        start: Outline at the meniscus.
+        sides: The rectangle.
     """
     (a, b), r = sides.middle, sides.radius
     ways = ways_round(place, a, b, r)
@@ -168,7 +168,7 @@ def outline_of(points: Array, place: Array, start: Outline, sides: Sides) -> Out
 
 
 def natural_wall(attempt: Attempt, sides: Sides) -> WallDisplacement:
-    """Return the wall that follows a strand all round and all the way, from the rectangle."""
+    """Return the wall that follows a strand all round and along the mould, from the rectangle."""
     places = Places.spread(sides, 8, 6)
     ways = places.ways(sides)
     _, normals = places.on(sides)

@@ -1,4 +1,4 @@
-"""Optimisation of a case by many runs: which values of its keys are best, and how sure is that?"""
+"""Optimisation of a case by many runs, with the uncertainty of the optimum."""
 
 from castfem.studies.optimisation.evaluator import Evaluator
 from castfem.studies.optimisation.optimum import Optimum

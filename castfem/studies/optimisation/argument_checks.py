@@ -1,4 +1,4 @@
-"""Checks of what scripts hand to `Study` and `Evaluator`: one line says what is wrong with it."""
+"""Checks of the arguments of `Study` and `Evaluator`, with one-line errors."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 
 def origin_of(case: Case | str | Path) -> str:
-    """What messages call a case: its path or name as it was given; "" for a case."""
+    """Name of the case in messages: its path or name as given; "" for a case object."""
     return str(case) if isinstance(case, str | Path) else ""
 
 
 def check_integer(number: int, least: int, what: str) -> int:
-    """Return an integer that is not too small."""
+    """Return an integer of at least `least`."""
     if isinstance(number, bool) or not isinstance(number, int) or number < least:
         raise InputError(f"{what} must be an integer >= {least}, got {number!r}")
     return number
 
 
 def check_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
-    """Return changes of a case, key to value."""
+    """Return changes of a case, value by key."""
     if changes is not None and not isinstance(changes, Mapping):
         raise InputError(
             'changes must be keys with their values, {"casting.speed": "3 m/min"}, '
@@ -46,7 +46,7 @@ def check_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
 def check_request(
     problem: DesignProblem, request: RunRequest | Mapping[str, Any], caller: str
 ) -> RunRequest:
-    """Return a run, given as one that a study has asked for, or by the values of all variables."""
+    """Return a run from a request of a study, or from the values of all variables."""
     variables = problem.variables
     if isinstance(request, Mapping):
         request = RunRequest(_values(problem, request, caller), problem.table.fidelity)
@@ -68,8 +68,8 @@ def check_request(
             at = f"{value} {one.unit}".rstrip()
             ends = f"{one.low:g} to {one.high:g} {one.unit}".rstrip()
             raise InputError(
-                f"{problem.origin}: optimise.variable.{number}.range: a run with {one.key} = {at} "
-                f"lies outside of it, {ends}; widen the range, or leave the run out"
+                f"{problem.origin}: optimise.variable.{number}.range: {one.key} = {at} of a run "
+                f"is outside the range, {ends}; widen the range, or leave the run out"
             )
     check_word(request.fidelity)
     numbers = (_number(one, value, caller) for one, value in zip(variables, values, strict=True))
@@ -77,7 +77,7 @@ def check_request(
 
 
 def _values(problem: DesignProblem, values: Mapping[str, Any], caller: str) -> tuple[float, ...]:
-    """Values of the variables in the units of their ranges, rounded as those of the search."""
+    """Values of the variables in the units of their ranges, rounded as in the search."""
     variables = {one.key: one for one in problem.variables}
     found: dict[str, float] = {}
     for key, value in values.items():
@@ -87,7 +87,7 @@ def _values(problem: DesignProblem, values: Mapping[str, Any], caller: str) -> t
             full = str(key)
         if full not in variables:
             raise InputError(
-                f"{caller}: {key} is no variable of [optimise]; there are {', '.join(variables)}"
+                f"{caller}: {key} is not a variable of [optimise]; there are {', '.join(variables)}"
                 f"{units.nearest(full, list(variables))}"
             )
         found[full] = round(_number(variables[full], value, caller), variables[full].decimals)
@@ -111,13 +111,13 @@ def _number(variable: DesignVariable, value: Any, caller: str) -> float:
 def quantities_of(
     problem: DesignProblem, request: RunRequest, results: Mapping[str, Any]
 ) -> dict[str, Quantity]:
-    """Return results that were given by name, in SI, in the units in which castfem shows them."""
+    """Return results given by name, in SI, as quantities in the units that castfem shows."""
     found = {str(name): _quantity(str(name), value) for name, value in results.items()}
     missing = [] if request.ideal else [n for n in problem.result_names if n not in found]
     if missing:
         near = difflib.get_close_matches(missing[0], found, n=1, cutoff=0.5)
         other = f'; write it so, not "{near[0]}"' if near else ""
-        raise InputError(f"tell: {', '.join(missing)} is missing, which [optimise] needs{other}")
+        raise InputError(f"tell: {', '.join(missing)} is missing; [optimise] needs it{other}")
     return found
 
 

@@ -1,4 +1,4 @@
-"""From the runs of a search to its answer, and what of its error was not checked."""
+"""Assembles the result of a search from its runs, with the unchecked parts of its error."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from castfem.studies.optimisation.search import SEARCH, Search
 from castfem.studies.optimisation.spread import InputSpread
 from castfem.studies.optimisation.store import Evaluation
 
-_NOISE = "noise was not measured: runs about the start, or about the best one, fail"
-_EXHAUSTED = "the search has had its runs before it was done: raise optimise.most_runs"
-_NO_SPREAD = "it lacks the spread by the inputs: too few of those runs came through"
+_NOISE = "noise was not measured: runs around the start or the best one fail"
+_EXHAUSTED = "the search ran out of runs: raise optimise.most_runs"
+_NO_SPREAD = "the spread by the inputs is missing: too few of those runs succeeded"
 
 
 @dataclass(frozen=True, slots=True)
 class UnverifiedError:
-    """What is not known of the place of an optimum: what was not checked opens its intervals.
+    """Unknown errors of an optimum: unchecked parts open its intervals.
 
-    Where runs of a check fail, that part of the error is not zero. The interval is open to both
-    sides then, or, where the check was moving, to the side it was moving to.
+    If runs of a check fail, that part of the error is unknown. The interval is then open to both
+    sides or, if the check was moving, to the side in that direction.
     """
 
-    lower: Flags  #: whether each variable may therefore lie lower (n,)
+    lower: Flags  #: whether each variable may therefore be lower (n,)
     higher: Flags
     reasons: tuple[str, ...]
 
@@ -89,7 +89,7 @@ class UnverifiedError:
 
 
 def _no_check(best: RunRequest, error: NumericalError) -> str:
-    """Say that no level checks a best run, and by which its numerical error is known."""
+    """State that no level checks a best run, and which one gives its numerical error."""
     others = [word for word in LEVELS if word != best.fidelity]
     missing = " and ".join(word for word in others if word not in error.finished)
     known = [word for word in others if word in error.finished]
@@ -100,13 +100,13 @@ def _no_check(best: RunRequest, error: NumericalError) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What a search has found; without a model no run has finished, or better ones were seen."""
+    """Findings of a search; without a model no run has finished, or better ones were seen."""
 
     search: Search
     best: RunRequest
-    model: Quadratic | None = None  #: of the runs about the best one
+    model: Quadratic | None = None  #: fit to the runs around the best one
     error: NumericalError | None = None
-    checked: CheckedOptimum | None = None  #: by the level of the check; None where that failed
+    checked: CheckedOptimum | None = None  #: optimum at the level of the check; None if that failed
     binding: Binding | None = None
     converged: bool = True  #: whether no other run of the search is better
     spread: InputSpread | None = None
@@ -183,10 +183,10 @@ def _by_check(found: Findings) -> CheckResult | None:
 def equivalent_optima(
     search: Search, best: RunRequest, scatter: float
 ) -> tuple[list[RunRequest], list[RunRequest]]:
-    """Return runs that meet all constraints, and whose objective is not worse by more than scatter.
+    """Return runs that meet all constraints and whose objective is equal within scatter.
 
     Returns:
-        Those connected to the best one, itself among them; of each other region the best.
+        Regions connected to the best one, including itself; of each other region the best.
     """
     responses = search.responses
     places = {w: search.problem.shares(w) for w in responses.of_level(best.fidelity)}
@@ -199,7 +199,7 @@ def equivalent_optima(
         return bool(np.max(np.abs(places[one] - places[other])) >= GLOBAL.apart)
 
     def is_connected(one: RunRequest) -> bool:
-        """Whether there are runs between it and the best one, all of them good."""
+        """Whether there are good runs all the way between it and the best one."""
         low, high = np.sort([places[one], places[best]], axis=0)
         between = [w for w, at in places.items() if np.all((low <= at) & (at <= high))]
         others = [w in good for w in between if w not in (one, best)]
@@ -221,7 +221,7 @@ def _equivalent(found: Findings) -> tuple[list[RunRequest], list[RunRequest]]:
 
 
 def _intervals(found: Findings, near: list[RunRequest]) -> list[Interval]:
-    """Where the optimum may lie: by the quadratics, and by equivalent runs connected to it."""
+    """Intervals of the optimum: from the quadratics, and from connected equivalent runs."""
     problem, responses = found.search.problem, found.search.responses
     if found.model is None or found.error is None:
         return [Interval(0.0, 1.0, False, False) for _ in problem.variables]
@@ -235,7 +235,7 @@ def _intervals(found: Findings, near: list[RunRequest]) -> list[Interval]:
 def _value(
     found: Findings, number: int, place: Interval, unverified: UnverifiedError | None
 ) -> Value:
-    """A variable with its interval: by runs, last step, failures, check and inputs."""
+    """A variable with its interval: from runs, last step, failures, check and inputs."""
     search, check, spread = found.search, found.checked, found.spread
     variable, value = search.problem.variables[number], found.best.values[number]
     share, last = float(search.problem.shares(found.best)[number]), SEARCH.at_end * search.radius
@@ -251,7 +251,7 @@ def _value(
         known.append(checked)
     low, high = min(low, *known), max(high, *known)
     open_low, open_high, drawn, safe = place.open_low, place.open_high, None, None
-    if check is not None and check.missed and checked is not None:  # the optimum lies beyond
+    if check is not None and check.missed and checked is not None:  # the optimum is beyond
         open_low, open_high = open_low or checked < value, open_high or checked > value
     if spread is not None:  # independent errors
         drawn = _drawn(found, spread, number)
@@ -270,7 +270,7 @@ def _value(
 
 
 def _failing(found: Findings, number: int) -> tuple[float, float]:
-    """The nearest runs that fail below and above the optimum along a variable, as shares."""
+    """The nearest failing runs below and above the optimum along a variable (fractions)."""
     search = found.search
     centre = search.problem.shares(found.best)
     below, above = -np.inf, np.inf
@@ -286,7 +286,7 @@ def _failing(found: Findings, number: int) -> tuple[float, float]:
 
 
 def _drawn(found: Findings, spread: InputSpread, number: int) -> tuple[float, float]:
-    """Values of a variable's optimum below which 5 and 95 % of the draws lie."""
+    """5 and 95 % quantiles of a variable's optimum over the draws."""
     low, high = (float(share) for share in spread.place[number])
     one = found.search.problem.variables[number]
     return one.at(low), one.at(high)
@@ -327,7 +327,7 @@ def _constraints(found: Findings) -> list[ConstraintStatus]:
 
 
 def _neighbours(found: Findings) -> list[Neighbour]:
-    """The runs to either side of the optimum along each variable."""
+    """The runs on either side of the optimum along each variable."""
     responses, best, problem = found.search.responses, found.best, found.search.problem
     if found.model is None:
         return []
@@ -349,7 +349,7 @@ def _neighbours(found: Findings) -> list[Neighbour]:
 def _other_optima(
     found: Findings, places: list[Interval], elsewhere: list[RunRequest]
 ) -> tuple[tuple[float, ...], ...]:
-    """Equivalent runs that are not connected to it, outside of the intervals."""
+    """Equivalent runs outside the intervals that are not connected to the optimum."""
     low = np.array([p.low for p in places]) - found.search.radius
     high = np.array([p.high for p in places]) + found.search.radius
 
@@ -361,7 +361,7 @@ def _other_optima(
 
 
 def _spread(found: Findings, spread: InputSpread) -> Spread:
-    """What the inputs do, by results and variables, in the units of files."""
+    """Effect of the inputs, by results and variables, in the units of files."""
     search, best = found.search, found.best
     responses, vector, rows = search.responses, search.responses.vector(best), []
     indices = [

@@ -1,10 +1,10 @@
-"""The optimum with the constraints of the level that checks it, by runs of that level.
+"""The optimum with the constraints of the checking level, from runs of that level.
 
-A finer level has other margins than the search. The quadratics of the search give the nearest place
-at which binding constraints are just met; it is run by the finer level, which corrects the
-quadratics, and so on until the place stays. Where a constraint is still missed then, or a binding
-one has much left, the search goes on along the slope that the runs of that level show. Of all its
-runs that meet the constraints the best one counts.
+A finer level has other margins than the search. The quadratics of the search give the nearest point
+at which binding constraints are just met; the run of the finer level there corrects the quadratics,
+and so on until the point converges. If a constraint is still violated then, or a binding one has a
+large margin, the search goes on along the slope of the runs of that level. The best of its runs
+that meet the constraints counts.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from castfem.studies.optimisation.responses import Responses
 
 @dataclass(frozen=True, slots=True)
 class CheckLimits:
-    """How far the runs of the check go."""
+    """Limits on the runs of the check."""
 
-    turns: int = 4  #: runs of the level of the check, beside that of the best one
-    onward: int = 6  #: more, where a constraint is still missed
-    farthest: float = 0.25  #: longest step of these, of the ranges
+    turns: int = 4  #: runs of the checking level, besides that of the best one
+    onward: int = 6  #: further runs if a constraint is still violated
+    farthest: float = 0.25  #: longest step of these, relative to the ranges
 
 
 LIMITS = CheckLimits()
@@ -34,11 +34,11 @@ LIMITS = CheckLimits()
 
 @dataclass(frozen=True, slots=True)
 class CheckedOptimum:
-    """An optimum by the level of its check."""
+    """An optimum at the level of its check."""
 
     request: RunRequest  #: its run at that level
-    vector: Array  #: cost and margins of it (1 + m,), SI
-    missed: bool = False  #: whether it misses a constraint by more than scatter
+    vector: Array  #: cost and margins of that run (1 + m,), SI
+    missed: bool = False  #: whether it violates a constraint by more than scatter
     further: tuple[float, ...] = ()
     """Direction of the search where it was stopped, by variable -1, 0 or 1; empty if it ended."""
     why: str = ""  #: why it was stopped
@@ -46,17 +46,17 @@ class CheckedOptimum:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Looks for an optimum at the level of the check."""
+    """Searches for the optimum at the level of the check."""
 
     level: str
     responses: Responses
-    model: Quadratic  #: quadratics of the runs about the optimum
-    binding: Sequence[bool]  #: which constraints keep the objective from being better
-    radius: float  #: share of the ranges by which a place may be off
-    scatter: Array  #: of cost and margins (1 + m,), SI
+    model: Quadratic  #: quadratics of the runs around the optimum
+    binding: Sequence[bool]  #: which constraints limit the objective
+    radius: float  #: allowed error of the point, relative to the ranges
+    scatter: Array  #: scatter of cost and margins (1 + m,), SI
 
     def optimum(self, best: RunRequest) -> CheckedOptimum | None:
-        """Return the optimum by the level of the check; None where the best run fails there."""
+        """Return the optimum at the checking level; None if the best run fails there."""
         problem, runs = self.responses.problem, list[CheckedOptimum]()
         place = problem.shares(best)
         for _ in range(1 + LIMITS.turns):
@@ -79,25 +79,25 @@ class Check:
         return replace(found, further=tuple(float(step) for step in way), why=why)
 
     def _run(self, place: Array) -> CheckedOptimum | None:
-        """The run at a place (n,), shares of the ranges; None if it fails."""
+        """The run at a point (n,), fractions of the ranges; None if it fails."""
         request = self.responses.problem.request(place, self.level)
         self.responses.fetch([request])
         vector = self.responses.vector_or_nan(request)
         return None if np.isnan(vector).any() else CheckedOptimum(request, vector)
 
     def _allowed(self) -> Array:
-        """By what margins may be missed (m,), SI."""
+        """Allowed violation of the margins (m,), SI."""
         rises = self.model.slopes[:, 1:]
         return np.asarray(self.scatter[1:] + self.radius * np.linalg.norm(rises, axis=0))
 
     def _missed(self, run: CheckedOptimum) -> float:
-        """The margin that is missed most, over what may be missed; 0 where all are met."""
+        """Largest violation of a margin, relative to the allowed one; 0 if all are met."""
         allowed = self._allowed()
         missed = np.minimum(run.vector[1:] + allowed, 0.0)
         return float(np.min(missed / np.maximum(allowed, 1e-300), initial=0.0))
 
     def _best(self, runs: Sequence[CheckedOptimum]) -> CheckedOptimum:
-        """The last run that meets all, or one before that is better; else what misses least."""
+        """The last run that meets all, or an earlier, better one; else the least violation."""
         meet = [run for run in runs if self._missed(run) >= 0.0]
         if not meet:
             return replace(max(runs, key=self._missed), missed=True)
@@ -105,7 +105,7 @@ class Check:
         return meet[-1] if meet[-1].vector[0] <= cheapest.vector[0] + self.scatter[0] else cheapest
 
     def _to_move(self, margins: Array) -> int | None:
-        """The margin that is missed most; else the binding one with most left; None if neither."""
+        """The most violated margin; else the binding one that is largest; None if neither."""
         if not len(margins):
             return None
         relative = margins / np.maximum(self._allowed(), 1e-300)
@@ -118,7 +118,7 @@ class Check:
         """Make further runs until all margins are met, and binding ones just met.
 
         Returns:
-            The place (n,) that could not be reached, and why; None if there is none.
+            The point (n,) that could not be reached, and why; None if there is none.
         """
         shares, before = self.responses.problem.shares, len(runs)
         while True:
@@ -128,7 +128,7 @@ class Check:
             if number is None:
                 return None, ""
             slope = self.model.slopes[:, 1 + number]
-            if len(runs) > before:  # what the last step has gained
+            if len(runs) > before:  # improvement by the last step
                 step = here - shares(runs[-2].request)
                 gain = last.vector[1 + number] - runs[-2].vector[1 + number]
                 if gain * float(slope @ step) > 0.0:

@@ -1,4 +1,4 @@
-"""All results of a case with some keys changed: run once, in parallel, found again after a kill."""
+"""Evaluates a case with changed keys: each run is made once, in parallel, and reused later."""
 
 from __future__ import annotations
 
@@ -25,35 +25,37 @@ if TYPE_CHECKING:
 
     from castfem.model import Case
 
-_PATIENCE = 3.0, 4.0  # s before each further attempt; runs of a killed command end within five
+_PATIENCE = 3.0, 4.0  # s before further attempts; runs of a killed command end within five
 _LEAN = {"fields": [], "figures": False}
 
 
 Ended = Callable[[Job, Outcome], None]
-"""Called with a run and how it has ended."""
+"""Called with a run and its outcome."""
 
 
 class Evaluator(Closing):
-    """Runs a case with some keys changed, each change once.
+    """Runs a case with changed keys, each variant once.
 
-    The folder is one of a sweep: each run has its folder in it, sweep.csv a row a run. A run that
-    is there, of this or an earlier call or of `castfem sweep`, is not run again; one that was
-    killed goes on from its checkpoint. A run that fails is kept, too, with how far it came.
+    The folder is like that of a sweep: each run has its own folder in it, sweep.csv one row per
+    run. A run that exists, from this or an earlier call or from `castfem sweep`, is not repeated; a
+    killed one continues from its checkpoint. A failed run is recorded, too, with the position it
+    reached.
 
     Args:
-        case: The case, or what `castfem.load` takes; the runs leave out its [optimise].
-        folder: Where the runs go.
-        processes: How many runs at once, each in a process of its own, for which a script needs
-            `if __name__ == "__main__":`; 0: in this process, one after the other.
-        comm: Ranks that do the runs instead, the others within `serve`: each run on one of them,
+        case: The case, or its path or name as for `castfem.load`; its [optimise] is left out of the
+            runs.
+        folder: Folder of the runs.
+        processes: Number of simultaneous runs, each in its own process, for which a script needs
+            `if __name__ == "__main__":`; 0: one after the other in this process.
+        comm: Ranks that make the runs instead, the others within `serve`: each run on one of them,
             or on a group of `ranks`, for large sections.
-        ranks: Of each run; they divide those of `comm`.
-        executor: Makes the runs instead, as for `castfem.sweep`; it stays open.
+        ranks: Ranks of each run; they divide those of `comm`.
+        executor: Makes the runs instead, as for `castfem.sweep`; it is not closed.
 
     Attributes:
-        case: The case that is changed.
+        case: The case.
         store: The runs.
-        runs: How many this object has made.
+        runs: Number of runs made by this object.
 
     Raises:
         InputError: The folder holds something else, or the ranks cannot be split into such groups.
@@ -86,12 +88,12 @@ class Evaluator(Closing):
         """Return the results of the case with some keys changed.
 
         Args:
-            changes: Dotted key and new value, as `Case.with_` takes them.
-            fidelity: A word of `castfem.studies.optimisation.fidelity`.
+            changes: New values by dotted key, as for `Case.with_`.
+            fidelity: A level of `castfem.studies.optimisation.fidelity`.
 
         Raises:
-            InputError: The changed case is not sound.
-            RunFailure: A file cannot be written. A run that fails raises nothing.
+            InputError: The changed case is invalid.
+            RunFailure: A file cannot be written. A failing run raises nothing.
         """
         return self.many([check.check_changes(changes)], fidelity)[0]
 
@@ -115,25 +117,25 @@ class Evaluator(Closing):
 
         Args:
             cases: The cases.
-            given: What is varied in each, key to value, for its folder's name and tables.
+            given: Varied keys of each case with their values, for its folder's name and tables.
             ended: Called for each run that is made.
-            derivatives: Which each computes; a run that was made without them is made again.
+            derivatives: Derivatives to be computed by each; a run made without them is repeated.
 
         Raises:
-            RunFailure: A run was stopped by something else than its case: another run at work in
-                its folder for longer than that of a killed command may be, a full disk, the end of
-                its process.
+            RunFailure: A run was stopped by something other than its case: another active run in
+                its folder, for longer than that of a killed command would be, a full disk, the end
+                of its process.
         """
         asked = derivatives or [None] * len(cases)
         jobs = [self.store.job(*one) for one in zip(cases, given, asked, strict=True)]
-        every = sorted(jobs, key=lambda job: job.derivatives is not None)  # if a run is there twice
+        every = sorted(jobs, key=lambda job: job.derivatives is not None)  # if a run occurs twice
         find = self.store.find
         missing = {job.name: job for job in every if find(job.case, job.derivatives) is None}
         lost: dict[str, Evaluation] = {}
         stopped: list[tuple[Job, Outcome]] = []
 
         def note(job: Job, outcome: Outcome) -> None:
-            if outcome.obstacle:  # it says nothing about the case
+            if outcome.obstacle:  # unrelated to the case
                 stopped.append((job, outcome))
                 return
             found = self.store.note(job, outcome)
@@ -154,9 +156,7 @@ class Evaluator(Closing):
                 self._workers.run(again, ended=note)
             self.store.write_table()
         if stopped:
-            raise RunFailure(
-                f"{stopped[0][1].message}; the same command goes on with what has been run"
-            )
+            raise RunFailure(f"{stopped[0][1].message}; the same command continues")
         found = [lost.get(job.name) or find(job.case) for job in jobs]
         return [one for one in found if one is not None]
 
@@ -168,13 +168,13 @@ class Evaluator(Closing):
 def variant(
     case: Case, changes: Mapping[str, Any], fidelity: str = DEFAULT, *, ideal: bool = False
 ) -> Case:
-    """Return a case from `lean` with changes, at a level, perhaps in its idealised mould."""
+    """Return a case from `lean` with changes, at a level, optionally in its idealised mould."""
     made = changed(case, changes, "changes") if changes else case
     return at_level(lean(idealised(made)) if ideal else made, fidelity)
 
 
 def lean(case: Case) -> Case:
-    """Return a case as it is run here: for its results, without fields and figures."""
+    """Return a case as it is run here: only for its results, without fields and figures."""
     tables = case.document()
     tables.pop("optimise", None)
     tables.pop("reference", None)

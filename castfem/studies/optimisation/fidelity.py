@@ -5,9 +5,9 @@
     default   the case as it is
     fine      cells 0.625 times as large, coupling windows half as long
 
-The error of a result is its grid convergence index (`castfem.studies.accuracy.estimate`): what
-better levels change, extrapolated to cells of no size with a factor of safety. For a search by
-temperature alone it is what the finest level changes, with the error of that level.
+The error of a result is its grid convergence index (`castfem.studies.accuracy.estimate`): the
+change to better levels, extrapolated to zero cell size with a factor of safety. For a purely
+thermal search it is the change to the finest level, with the error of that level.
 
 Costs and errors for the billet of chapter V: docs/mould_design.md. Equation numbers are those of
 [Pascon2003] (docs/references.md).
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 THERMAL = "thermal"
 WORDS = (THERMAL, *LEVELS)
-_WALL = "mould"  # a contact law's word for mould.wall_temperature
+_WALL = "mould"  # value of a contact law that refers to mould.wall_temperature
 # Only the liquid supports a shell without a wall; with this stiffness it bulges as in V.2.1.1.
 _SUPPORT = {
     "liquid": "elastic",
@@ -48,14 +48,14 @@ _SUPPORT = {
 
 
 def check_word(word: str) -> None:
-    """Refuse what is no level of fidelity."""
+    """Refuse an unknown level of fidelity."""
     if str(word) not in WORDS:
         near = units.nearest(str(word), WORDS)
         raise InputError(f"fidelity must be one of {', '.join(WORDS)}, got {word!r}{near}")
 
 
 def at_level(case: Case, word: str) -> Case:
-    """Return a case as a level of fidelity has it."""
+    """Return a case at a level of fidelity."""
     check_word(word)
     if word == DEFAULT:
         return case
@@ -79,7 +79,7 @@ def idealised(case: Case) -> Case:
     """Return the case in its idealised mould (V.2.1), which follows the strand.
 
     There is no gap and no contact pressure; with mechanics the elastic liquid of the thesis
-    supports the shell. A case without [mould] is returned as it is.
+    supports the shell. A case without [mould] is returned unchanged.
     """
     if case.mould is None:
         return case
@@ -106,7 +106,7 @@ def _remove_mould(tables: dict[str, Any], case: Case, mechanics: bool) -> None:
 
 
 def _over_time(case: Case, wall: float | Table) -> str | dict[str, Any]:
-    """A wall temperature along the mould as a surface law takes it: over time."""
+    """Convert a wall temperature along the mould for a surface law: over time."""
     if not isinstance(wall, Table):
         return units.format(wall, "K", "degC")
     times = [case.casting.travel.time_at(position) for position in wall.arguments]
@@ -123,13 +123,13 @@ def _changed(case: Case, change: Callable[[dict[str, Any]], None]) -> Case:
 class Tilt:
     """A change of the cost near an optimum that is linear in the variables."""
 
-    centre: Array  #: the optimum (n,), shares of the ranges
-    slope: Array  #: of the cost along each variable (n,), SI over the range
-    unknown: Flags  #: along which variables (n,) all runs have failed; the slope is 0 there
+    centre: Array  #: the optimum (n,), fractions of the ranges
+    slope: Array  #: slope of the cost along each variable (n,), SI over the range
+    unknown: Flags  #: variables (n,) along which all runs have failed; the slope is 0 there
 
     @classmethod
     def fit(cls, centre: Array, shares: Array, change: Array) -> Tilt:
-        """Fit changes (r,) at some places (r, n); those that are NaN do not count."""
+        """Fit changes (r,) at some points (r, n); NaN is ignored."""
         there = np.isfinite(change)
         columns = np.column_stack([np.ones(np.count_nonzero(there)), shares[there] - centre])
         slope = np.linalg.lstsq(columns, change[there], rcond=1e-8)[0][1:]
@@ -138,16 +138,16 @@ class Tilt:
 
 @dataclass(frozen=True, slots=True)
 class NumericalError:
-    """What is known of the numerical error of cost and margins (1 + m,) at an optimum, SI."""
+    """Known numerical error of cost and margins (1 + m,) at an optimum, SI."""
 
-    finished: frozenset[str]  #: the levels at which the best run has finished
-    checked: str  #: the one of them that checks the optimum, "" for none
-    moved: Array  #: cost and margins at it less those of the search; NaN where there is none
-    below: Array  #: how far below those of the search they may be without numerical error
-    above: Array  #: how far above
-    better: bool  #: whether the check is by a finer level than the search
-    tilt: Tilt | None = None  #: change of the cost to the next level; None if not needed or known
-    most: float = 0.0  #: by what it may have to be multiplied to be the numerical error
+    finished: frozenset[str]  #: levels at which the best run has finished
+    checked: str  #: the level among them that checks the optimum, "" for none
+    moved: Array  #: cost and margins at that level minus those of the search; NaN without one
+    below: Array  #: largest decrease without numerical error
+    above: Array  #: largest increase without numerical error
+    better: bool  #: whether the check is at a finer level than the search
+    tilt: Tilt | None = None  #: change of the cost to the next level; None if not needed or unknown
+    most: float = 0.0  #: largest factor on it that gives the numerical error
     untilted: Flags = field(default_factory=lambda: np.zeros(0, dtype=bool))
     #: along which variables (n,) the tilt is needed and not known; empty where it is not needed
 
@@ -157,13 +157,13 @@ class NumericalError:
         return len(self.finished) > 1
 
     def tilted(self, places: Array, share: float) -> Array:
-        """A share of the tilt at some places (r, n), less that at the optimum (r,)."""
+        """A fraction of the tilt at some points (r, n), minus that at the optimum (r,)."""
         if self.tilt is None:
             return np.zeros(len(places))
         return np.asarray(share * ((places - self.tilt.centre) @ self.tilt.slope))
 
     def with_tilt(self, fidelity: str, tilt: Tilt) -> NumericalError:
-        """The same with the tilt from the level of the search to the next one."""
+        """Return the error with the tilt from the level of the search to the next one."""
         other = next_of(fidelity)
         most = error({fidelity: 0.0, other: 1.0}, fidelity)
         sign = 1.0 if _is_better(other, fidelity) else -1.0
@@ -171,7 +171,7 @@ class NumericalError:
 
     @classmethod
     def of(cls, fidelity: str, vectors: Mapping[str, Array]) -> NumericalError:
-        """The error of a search at a level, by cost and margins (1 + m,) of all levels, or NaN."""
+        """Return the error of a search at a level, from cost and margins (1 + m,) by level."""
         here = vectors[fidelity]
         finished = frozenset(word for word, v in vectors.items() if not np.isnan(v).any())
         checked = next((word for word in checks_of(fidelity) if word in finished), "")
@@ -201,7 +201,7 @@ def next_of(fidelity: str) -> str:
 
 
 def error(values: Mapping[str, float], fidelity: str) -> float:
-    """Return the numerical error of a result by level, in its unit; NaN where it is not known."""
+    """Return the numerical error of a result by level, in its unit; NaN if unknown."""
     if fidelity == THERMAL:
         return max(_beside_thermal(values))
     own = LEVELS[fidelity].cells
@@ -209,9 +209,9 @@ def error(values: Mapping[str, float], fidelity: str) -> float:
 
 
 def sides(values: Mapping[str, float], fidelity: str) -> tuple[float, float]:
-    """Return how far below and above a result may lie without numerical error, 0 if not known.
+    """Return how far a result may decrease and increase without numerical error, 0 if unknown.
 
-    A result that changes in one direction over three levels or more has an error on that side only.
+    A result that is monotonic over three levels or more has an error on that side only.
     """
     if fidelity == THERMAL:
         low, high = _beside_thermal(values)
@@ -229,7 +229,7 @@ def sides(values: Mapping[str, float], fidelity: str) -> tuple[float, float]:
 
 
 def _beside_thermal(values: Mapping[str, float]) -> tuple[float, float]:
-    """How far below and above a result by temperature alone that of the finest level may lie."""
+    """How far a purely thermal result may decrease and increase at the finest level."""
     known = {word: v for word, v in values.items() if word != THERMAL and math.isfinite(v)}
     if not known:
         return math.nan, math.nan

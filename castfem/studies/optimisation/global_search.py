@@ -1,9 +1,9 @@
-"""Global search: runs over all of the ranges, proposed by Optuna.
+"""Global search: runs over the whole ranges, proposed by Optuna.
 
-The first half covers the ranges evenly (Sobol's sequence), the other half goes where the tree of
-Parzen estimators [Akiba2019] (docs/references.md) expects improvement, constraints included.
-Proposals are made in batches of fixed size, so that neither the number of processes nor a kill
-changes them. COBYQA goes on from the two best local optima.
+The first half covers the ranges evenly (Sobol's sequence), the other half goes where the
+tree-structured Parzen estimator [Akiba2019] (docs/references.md) expects improvement, including
+constraints. Proposals are made in batches of fixed size, so that they depend neither on the number
+of processes nor on an interruption. COBYQA continues from the two best local optima.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from castfem.base.types import Array
 class GlobalSettings:
     """Settings of the search for several optima."""
 
-    apart: float = 0.2  #: distance of two local optima, of the ranges
-    batch: int = 4  #: runs at once
-    optima: int = 2  #: optima that are followed
-    seed: int = 12  #: of the random numbers
+    apart: float = 0.2  #: smallest distance of two local optima, relative to the ranges
+    batch: int = 4  #: runs per batch
+    optima: int = 2  #: number of local optima that are refined
+    seed: int = 12  #: seed of the random numbers
 
 
 GLOBAL = GlobalSettings()
 
 Evaluate = Callable[[list[Array]], list[list[float]]]
-"""Scaled cost and margins at places, shares of the ranges (n,) each."""
+"""Scaled cost and margins at points (n,), fractions of the ranges."""
 
 
 def check_installed(where: str) -> None:
-    """Look for Optuna without importing it."""
+    """Check that Optuna is installed, without importing it."""
     if importlib.util.find_spec("optuna") is None:
         raise InputError(
             f'{where}: optimise.method ("optuna"): Optuna is not installed; pip install '
@@ -44,12 +44,12 @@ def check_installed(where: str) -> None:
 
 
 def explore(evaluate: Evaluate, start: Array, count: int) -> list[Array]:
-    """Evaluate places over all of the ranges, and return the best of each region, best first.
+    """Evaluate points over the whole ranges; return the best of each region, best first.
 
     Args:
-        evaluate: What runs give.
-        start: The first place, shares of the ranges (n,).
-        count: Number of places.
+        evaluate: Makes the runs.
+        start: First point, fractions of the ranges (n,).
+        count: Number of points.
     """
     import optuna
     from scipy.stats import qmc
@@ -81,10 +81,10 @@ def explore(evaluate: Evaluate, start: Array, count: int) -> list[Array]:
 
 
 def local_optima(places: Array, values: Array) -> list[Array]:
-    """Return the places, best first, that have no better one within a fifth of the ranges.
+    """Return the points, best first, without a better one within a fifth of the ranges.
 
     Args:
-        places: Shares of the ranges (r, n).
+        places: Points (r, n), fractions of the ranges.
         values: Scaled cost and margins (r, 1 + m).
     """
     missed = np.max(np.maximum(-values[:, 1:], 0.0), axis=1, initial=0.0)

@@ -1,13 +1,13 @@
-"""Quadratics about an optimum: intervals of the variables, binding constraints, moved bounds.
+"""Quadratics around an optimum: intervals of the variables, binding constraints, shifted bounds.
 
-Two neighbouring runs have nearly the same numerical error: it moves a bound rather than which of
-the two has the smaller objective. So the place of the optimum is uncertain by
-    - the scatter of the objective (noise and misfit of the quadratics) against its curvature: all
-      values whose objective is not worse by more than that,
-    - the error of the constraints (numerical error, noise, misfit) against their slopes: the optima
-      of bounds that are moved by it,
-    - where bounds do not fix all variables, the tilt of the objective: what its numerical error
-      changes from neighbour to neighbour.
+Two neighbouring runs have nearly the same numerical error, which shifts a bound rather than the
+ranking of the two. So the uncertainty of the optimum follows from
+    - the scatter of the objective (noise and misfit of the quadratics) relative to its curvature:
+      all points whose objective is not worse by more than that,
+    - the error of the constraints (numerical error, noise, misfit) relative to their slopes: the
+      optima for bounds shifted by it,
+    - where bounds do not fix all variables, the tilt of the objective: the change of its numerical
+      error from neighbour to neighbour.
 """
 
 from __future__ import annotations
@@ -27,18 +27,22 @@ from castfem.studies.optimisation.polynomial_fit import columns
 
 @dataclass(frozen=True, slots=True)
 class ModelSettings:
-    """Settings of the quadratics about an optimum."""
+    """Settings of the quadratics around an optimum."""
 
     reach: float = 2.5  #: distance from the optimum within which they are used, in steps
-    samples: int = 2**14  #: places in that box with several variables
-    line: int = 4001  #: the same with one
-    #: of the largest error of margins and of cost that are tried
+    samples: int = 2**14  #: points in that box with several variables
+    line: int = 4001  #: points with one variable
+    #: tried fractions of the largest error of margins and cost
     parts: tuple[float, float, float] = (1.0 / 3.0, 2.0 / 3.0, 1.0)
-    edge: float = 0.02  #: distance from the end of the box, over it, at which an interval may go on
-    beside: float = 0.04  #: the end of a range so near to another place, over a step, is left out
+    #: relative distance from the end of the box within which an interval may continue
+    edge: float = 0.02
+    #: relative distance, in steps, within which the end of a range next to another point is left
+    #: out
+    beside: float = 0.04
     neighbours: int = 5  #: runs that measure the noise
-    apart: float = 1e-3  #: distance of these, of the ranges
-    sigmas: float = 3.0  #: difference of two runs over their scatter; once in thirty by chance
+    apart: float = 1e-3  #: their distance, relative to the ranges
+    #: significant difference of two runs over their scatter; one in thirty by chance
+    sigmas: float = 3.0
 
 
 MODEL = ModelSettings()
@@ -48,9 +52,9 @@ MODEL = ModelSettings()
 class Quadratic:
     """Cost and margins near an optimum as quadratics of the variables."""
 
-    centre: Array  #: the optimum (n,), shares of the ranges
+    centre: Array  #: the optimum (n,), fractions of the ranges
     step: Array  #: units of length of the fit (n,)
-    weights: Array  #: of 1, d_i, d_i d_j (i <= j), (k, 1 + m)
+    weights: Array  #: weights of 1, d_i, d_i d_j (i <= j), (k, 1 + m)
     misfit: Array  #: scatter of the runs about it (1 + m,), SI
 
     @classmethod
@@ -65,7 +69,7 @@ class Quadratic:
         return cls(centre, step, weights, np.sqrt(np.sum(rest**2, axis=0) / free))
 
     def __call__(self, shares: Array) -> Array:
-        """Cost and margins (r, 1 + m) at some places (r, n)."""
+        """Cost and margins (r, 1 + m) at some points (r, n)."""
         return np.asarray(columns((shares - self.centre) / self.step) @ self.weights)
 
     @property
@@ -75,13 +79,13 @@ class Quadratic:
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """The lowest and the highest place at which it is used (n,)."""
+        """Lowest and highest point of its range of use (n,)."""
         ends = (np.clip(self.centre + s * MODEL.reach * self.step, 0.0, 1.0) for s in (-1.0, 1.0))
         low, high = ends
         return low, high
 
     def places(self) -> Array:
-        """Places that fill the box (r, n), the last one the optimum."""
+        """Points that fill the box (r, n), the last one the optimum."""
         low, high = self.box
         if len(low) == 1:
             return np.vstack([np.linspace(low, high, MODEL.line), self.centre])
@@ -93,27 +97,27 @@ class Quadratic:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """Interval in which an optimum may lie along one variable, as shares of its range."""
+    """Interval of an optimum along one variable, as fractions of its range."""
 
     low: float
     high: float
-    open_low: bool  #: whether it may lie lower, beyond the quadratics
+    open_low: bool  #: whether it may be lower, beyond the quadratics
     open_high: bool
 
 
 def intervals(
     model: Quadratic, scatter: Array, error: NumericalError, shares: Array, seen: Array
 ) -> list[Interval]:
-    """Return where the optimum may lie, one interval a variable.
+    """Return the intervals of the optimum, one per variable.
 
-    A run that is better, and far from the optimum, misses a constraint; if that is by less than its
-    error, the optimum may lie there.
+    A better run far from the optimum violates a constraint; if by less than its error, the optimum
+    may be there.
 
     Args:
-        model: Of the runs near the optimum.
+        model: Fit to the runs near the optimum.
         scatter: Noise of cost and margins (1 + m,), SI.
-        error: Numerical error of cost and margins; that of the cost counts by its tilt alone.
-        shares: Places of all runs (r, n), shares of the ranges.
+        error: Numerical error of cost and margins; that of the cost only matters through its tilt.
+        shares: Points of all runs (r, n), fractions of the ranges.
         seen: Their cost and margins (r, 1 + m), NaN where they have failed.
     """
     places, (low, high) = model.places(), model.box
@@ -122,13 +126,13 @@ def intervals(
     best = seen[np.argmin(np.max(np.abs(shares - model.centre), axis=1))]
     far = np.any((shares < low) | (shares > high), axis=1)
     far &= seen[:, 0] < best[0] - beside  # NaN is not
-    there = seen[far] - best + values[-1]  # relative to the best run as the quadratics have it
+    there = seen[far] - best + values[-1]  # relative to the best run according to the quadratics
     places, values = np.vstack([shares[far], places]), np.vstack([there, values])
     allowed_miss, moves = _errors(scatter[1:] + model.misfit[1:], error)
     kept = np.zeros(len(places), dtype=bool)
     kept[-1] = True
     for shift, tilt in moves:
-        here = slice(np.count_nonzero(far) if tilt else 0, None)  # it is linear near by alone
+        here = slice(np.count_nonzero(far) if tilt else 0, None)  # only linear near the optimum
         allowed = nearest_to_allowed(values[here, 1:] + shift, allowed_miss)
         cost = values[here, 0] + error.tilted(places[here], tilt)
         kept[here] |= allowed & (cost <= np.min(cost[allowed]) + beside)
@@ -144,9 +148,9 @@ def intervals(
 
 
 def _errors(blurred: Array, error: NumericalError) -> tuple[Array, list[tuple[Array, float]]]:
-    """What margins may be off by (m,), and the moves of margins and tilts of the cost to be tried.
+    """Possible errors of margins (m,), and the shifts of margins and tilts of the cost to try.
 
-    `blurred` is noise of the margins and misfit of their quadratics (m,), SI.
+    `blurred` is the noise of the margins and the misfit of their quadratics (m,), SI.
     """
     up, down = blurred + error.above[1:], -blurred - error.below[1:]
     ends = [*np.diag(up), *np.diag(down), *([up, down] if len(up) > 1 else [])]
@@ -159,24 +163,25 @@ def _errors(blurred: Array, error: NumericalError) -> tuple[Array, list[tuple[Ar
 
 
 def nearest(model: Quadratic, off: Array, binding: Sequence[bool]) -> Array:
-    """Return the place nearest to an optimum where moved bounds are met, binding ones just met.
+    """Return the point nearest to an optimum where shifted bounds are met, binding ones exactly.
 
-    Near an optimum all ways to a moved bound cost the same, to first order; the quadratics are
-    best at the nearest place.
+    Near an optimum all ways to a shifted bound cost the same, to first order; the quadratics are
+    most accurate at the nearest point.
 
     Args:
-        model: Of the runs about the optimum.
-        off: By how much margins are larger than it says (m,), SI.
+        model: Fit to the runs around the optimum.
+        off: Error of its margins (m,), SI; positive if they are larger than it says.
         binding: Which of them bind.
 
     Returns:
-        Shares of the ranges (n,). Where no place within reach will do, that which comes nearest.
+        Point, fractions of the ranges (n,). If none within reach meets the bounds, the nearest to
+            them.
     """
     if not len(off):
         return model.centre
     from scipy.optimize import minimize
 
-    scale = np.max(np.abs(model.weights[1:, 1:]), axis=0)  # what a step does
+    scale = np.max(np.abs(model.weights[1:, 1:]), axis=0)  # change over a step
     scale = np.maximum(np.where(scale > 0.0, scale, 1.0), 1e-9 * np.abs(off))
     low, high = ((end - model.centre) / model.step for end in model.box)
 
@@ -185,7 +190,7 @@ def nearest(model: Quadratic, off: Array, binding: Sequence[bool]) -> Array:
         return np.asarray(((model(place[None])[0, 1:] + off) / scale)[which])
 
     kinds = {"eq": np.flatnonzero(binding), "ineq": np.flatnonzero(np.logical_not(binding))}
-    with warnings.catch_warnings():  # of rounding at the ends of the box
+    with warnings.catch_warnings():  # from rounding at the ends of the box
         warnings.simplefilter("ignore", RuntimeWarning)
         found = minimize(
             lambda steps: float(steps @ steps), np.zeros(len(low)), jac=lambda steps: 2.0 * steps,
@@ -207,26 +212,26 @@ def nearest(model: Quadratic, off: Array, binding: Sequence[bool]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """Which constraints keep an objective from being better."""
+    """Constraints that limit an objective."""
 
     held: tuple[bool, ...]  #: whether it would be better without each
-    near: tuple[bool, ...]  #: and whether its bound is at the optimum, within its error
+    near: tuple[bool, ...]  #: whether its bound is at the optimum, within its error
 
     @classmethod
     def of(
         cls, model: Quadratic, scatter: Array, here: Array, seen: Array, error: Array
     ) -> Binding:
-        """Return which constraints bind at an optimum: by quadratics, and by all runs.
+        """Return which constraints bind at an optimum, from the quadratics and from all runs.
 
-        Quadratics follow a dent of a jagged objective. There a constraint binds if it is all that
-        a far better run misses.
+        Quadratics may follow a dent of a jagged objective. There a constraint binds if it is the
+        only one violated by a far better run.
 
         Args:
-            model: Of the runs near the optimum.
+            model: Fit to the runs near the optimum.
             scatter: Noise of cost and margins (1 + m,), SI.
             here: Cost and margins of the best run (1 + m,).
-            seen: Those of all runs of its level (r, 1 + m), NaN where they have failed; none where
-                no run meets all.
+            seen: Those of all runs of its level (r, 1 + m), NaN where they have failed; empty if no
+                run meets all constraints.
             error: Numerical error of the margins (m,), SI.
         """
         local = _better_without(model, scatter)
@@ -236,7 +241,7 @@ class Binding:
         far = np.zeros(len(within), dtype=bool)
         missed = seen[seen[:, 0] < here[0] - MODEL.sigmas * blurred[0], 1:] < -scatter[1:]
         for which in sorted(missed, key=np.count_nonzero):
-            # Of several that are missed at once those near the optimum bind, if any, else all.
+            # Of several violated at once those near the optimum bind, if any, else all.
             if np.any(which) and not np.any(which & far):
                 far |= which & within if np.any(which & within) else which
         held, near = local | far, local | (far & within)
@@ -257,7 +262,7 @@ def _better_without(model: Quadratic, scatter: Array) -> Flags:
 
 
 def nearest_to_allowed(margins: Array, scale: Array) -> Flags:
-    """Which of some places meet all margins (r, m), or miss them least; m may be 0."""
+    """Which of some points meet all margins (r, m), or violate them least; m may be 0."""
     if not margins.shape[1]:
         return np.ones(len(margins), dtype=bool)
     short = np.max(np.maximum(-margins / np.maximum(scale, 1e-300), 0.0), axis=1)
@@ -265,10 +270,10 @@ def nearest_to_allowed(margins: Array, scale: Array) -> Flags:
 
 
 def around(centre: Array, step: Array, steps: Sequence[int] = (1, 2)) -> list[Array]:
-    """Return the places some steps to either side of an optimum along each variable, in range.
+    """Return the points some steps to either side of an optimum along each variable, in range.
 
-    The end of a range stands in for what lies beyond, unless it is next to a place before it: an
-    optimum there would not be seen otherwise.
+    The end of a range replaces points beyond it, unless it is next to another point: otherwise an
+    optimum there would be missed.
     """
     found: list[Array] = []
     for i, middle in enumerate(centre):
@@ -285,7 +290,7 @@ def around(centre: Array, step: Array, steps: Sequence[int] = (1, 2)) -> list[Ar
 
 
 def neighbours(place: Array) -> list[Array]:
-    """Places (n,) on a short line through one, or as near to it as the ranges allow, shares."""
+    """Points (n,) on a short line through one, or as near as the ranges allow, fractions."""
     along = _along()
     middle = np.clip(place, along[-1], 1.0 - along[-1])
     return [np.asarray(middle + step) for step in along]

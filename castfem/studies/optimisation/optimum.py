@@ -1,4 +1,4 @@
-"""The answer of a search: the optimum as an interval, what binds, what a step away costs."""
+"""The result of a search: optimum with intervals, binding constraints, neighbours."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _DIFFERENCE = "delta_"
 
 
 def unit_name(unit: str) -> str:
-    """A unit as tables of a search have it; empty for none."""
+    """A unit in the tables of a search; "" for none."""
     return {"-": "", "percent": "%"}.get(unit, unit.removeprefix(_DIFFERENCE))
 
 
@@ -23,42 +23,42 @@ class ShownResult:
     """A result with the documented unit of files, and the chosen one of tables and figures."""
 
     name: str
-    label: str  #: in words
+    label: str  #: label
     shown_unit: str  #: documented unit
 
     def shown(self, value: float) -> float:
-        """A value in SI in the documented unit."""
+        """Convert a value from SI to the documented unit."""
         return from_si(value, self.shown_unit)
 
     def shown_difference(self, value: float) -> float:
-        """A difference in SI in the documented unit."""
+        """Convert a difference from SI to the documented unit."""
         return from_si(value, unit_of_difference(self.shown_unit))
 
     @property
     def scale(self) -> Scale:
-        """From the documented unit to the chosen one."""
+        """Conversion from the documented unit to the chosen one."""
         return scale_of(self.shown_unit, self.name)
 
     @property
     def difference_scale(self) -> Scale:
-        """The same for a difference."""
+        """The same conversion for a difference."""
         return scale_of(unit_of_difference(self.shown_unit), self.name)
 
     def chosen(self, value: float) -> float:
-        """A value in SI in the chosen unit."""
+        """Convert a value from SI to the chosen unit."""
         return float(self.scale(self.shown(value)))
 
     def chosen_difference(self, value: float) -> float:
-        """A difference in SI in the chosen unit."""
+        """Convert a difference from SI to the chosen unit."""
         return float(self.difference_scale(self.shown_difference(value)))
 
     @property
     def difference_unit(self) -> str:
-        """The chosen unit of a difference, empty for none."""
+        """The chosen unit of a difference, "" for none."""
         return unit_name(self.difference_scale.unit)
 
     def heading(self, *, chosen: bool = True) -> str:
-        """Name and unit, the chosen or the documented one."""
+        """Name and unit, either the chosen or the documented one."""
         unit = self.scale.unit if chosen else self.shown_unit
         return self.name if unit == "-" else f"{self.name} [{unit}]"
 
@@ -74,10 +74,10 @@ class ResultWithError(ShownResult):
     """A result at the optimum and its errors, SI."""
 
     value: float
-    noise: float  #: scatter between runs that differ by next to nothing
-    numerical: float  #: numerical error; NaN where no other level has finished
-    twin: tuple[str, float] | None = None  #: for a smooth result the maximum it stands for
-    measured: bool = True  #: whether the noise was; it is 0 otherwise
+    noise: float  #: scatter between nearly equal runs
+    numerical: float  #: numerical error; NaN if no other level has finished
+    twin: tuple[str, float] | None = None  #: for a smooth approximation, the maximum it stands for
+    measured: bool = True  #: whether the noise was measured; otherwise it is 0
 
     def to_json(self) -> dict[str, Any]:
         """Its content in optimum.json."""
@@ -98,40 +98,43 @@ class Value:
 
     key: str
     unit: str  #: "" for none
-    value: float  #: at the best run
+    value: float  #: value of the best run
     low: float  #: lowest value that cannot be distinguished from the best
     high: float
-    open_low: bool  #: whether it may lie lower still
+    open_low: bool  #: whether it may be lower still
     open_high: bool
-    checked: float | None  #: at the optimum with the constraints of the check; None if that failed
-    range: tuple[float, float]  #: in which it was searched
-    at_end: str = ""  #: "lowest" or "highest" of its range, where "runs fail", or ""
-    drawn: tuple[float, float] | None = None  #: for other inputs, 5 and 95 % of the draws
-    safe: float | None = None  #: of the best place that meets all constraints in 95 % of the draws
+    #: value at the optimum with the constraints of the check; None if that failed
+    checked: float | None
+    range: tuple[float, float]  #: range of the search
+    at_end: str = ""  #: "lowest" or "highest" of its range, "runs fail" where runs fail, or ""
+    drawn: tuple[float, float] | None = None  #: 5 and 95 % quantiles over the draws of the inputs
+    #: value at the best point that meets all constraints in 95 % of the draws
+    safe: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class SpreadRow:
-    """What the inputs do to a result at the optimum, or to the best value of a variable."""
+    """Effect of the inputs on a result at the optimum, or on the best value of a variable."""
 
-    name: str  #: of the objective, the constraint as written, or the variable
-    change: tuple[float, float]  #: from the optimum, 5 and 95 % of the draws, in `unit`
+    name: str  #: name of the objective, the constraint as written, or the variable
+    #: change from the optimum, 5 and 95 % quantiles of the draws, in `unit`
+    change: tuple[float, float]
     unit: str  #: "-" or "" for none
-    error: float | None  #: of the fit; None for a variable
-    met: float | None  #: share of the draws in which the constraint is met; else None
-    first: tuple[float, ...]  #: Sobol index of first order of each input
+    error: float | None  #: error of the fit; None for a variable
+    met: float | None  #: fraction of the draws in which the constraint is met; else None
+    first: tuple[float, ...]  #: first-order Sobol index of each input
     total: tuple[float, ...]  #: total Sobol index of each input
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """The spread of an optimum by its inputs."""
+    """The spread of an optimum due to its inputs."""
 
-    labels: tuple[str, ...]  #: of the inputs
+    labels: tuple[str, ...]  #: labels of the inputs
     rows: tuple[SpreadRow, ...]  #: objective, constraints, variables
     runs: int  #: number of runs made for it
-    failed: int  #: of these
-    open: bool  #: whether draws lead to where the runs about the optimum end
+    failed: int  #: number of failed ones among them
+    open: bool  #: whether draws lead to the limits of the runs around the optimum
     derivatives: bool  #: whether the runs have derivatives
 
 
@@ -142,11 +145,11 @@ class ConstraintStatus:
     text: str  #: as written
     result: ResultWithError
     bound: float
-    left: float  #: how far the result is on the right side
-    checked: float  #: the same by the level of the check; NaN where that failed
-    error: float  #: of that: noise and numerical error; NaN where the latter is not known
+    left: float  #: margin of the result
+    checked: float  #: margin at the level of the check; NaN if that failed
+    error: float  #: error of the margin: noise and numerical error; NaN if the latter is unknown
     met: bool
-    binding: bool  #: whether it keeps the objective from being better
+    binding: bool  #: whether it limits the objective
     near: bool = True  #: whether it does so here: its bound is at the optimum, within its error
 
     def to_json(self) -> dict[str, Any]:
@@ -169,51 +172,51 @@ class Neighbour:
     """A run a step of one variable away from the optimum."""
 
     key: str
-    value: float  #: of that variable, in its unit
-    objective: float  #: change of the objective, SI; NaN where the run fails
-    left: tuple[float, ...]  #: what the constraints have left there, SI
+    value: float  #: value of that variable, in its unit
+    objective: float  #: change of the objective, SI; NaN if the run fails
+    left: tuple[float, ...]  #: margins of the constraints there, SI
     message: str = ""  #: why it failed
 
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """Results of the check at its own optimum, SI."""
+    """Results of the checking level at its own optimum, SI."""
 
     objective: float
-    left: tuple[float, ...]  #: what the constraints have left
+    left: tuple[float, ...]  #: margins of the constraints
 
 
 @dataclass(frozen=True, slots=True)
 class FrontResult(ShownResult):
     """One of the two results of a front."""
 
-    sense: float  #: 1 where it is to be small, -1 where large
-    noise: float  #: SI
+    sense: float  #: 1 to minimise, -1 to maximise
+    noise: float  #: noise, SI
 
 
 @dataclass(frozen=True, slots=True)
 class FrontPoint:
     """A run on a front."""
 
-    values: tuple[float, ...]  #: of the variables, in the units of their ranges
-    first: float  #: the result that is to be best, SI
-    second: float  #: what it is weighed against, SI
-    price: float | None  #: change of first over that of second from the point before, SI
-    run: str  #: name of its folder, "" where it was made elsewhere
+    values: tuple[float, ...]  #: values of the variables, in the units of their ranges
+    first: float  #: the first objective, SI
+    second: float  #: the second objective, SI
+    price: float | None  #: change of first over that of second from the previous point, SI
+    run: str  #: name of its folder, "" if made elsewhere
 
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """What can be had of two results."""
+    """The Pareto front of two results."""
 
-    keys: tuple[str, ...]  #: of the variables, with their units
+    keys: tuple[str, ...]  #: keys of the variables, with their units
     first: FrontResult
     second: FrontResult
     points: tuple[FrontPoint, ...]
     """From the best of the first to the best of the second, none better than another in both by
-    more than noise. A single one: both are best together."""
+    more than noise. With a single point both are best together."""
     runs: int  #: number of runs made for it
-    exhausted: bool  #: whether a search of it ended because it had no more runs
+    exhausted: bool  #: whether a search for it used up its runs
 
     def price_heading(self, *, chosen: bool = True) -> str:
         """Heading of the price in tables, with its chosen or documented unit."""
@@ -228,7 +231,7 @@ class Front:
         return f"price [{' per '.join(named)}]"
 
     def price(self, point: FrontPoint, *, chosen: bool = False) -> float | None:
-        """The price of a point, in the documented or the chosen units."""
+        """Price of a point, in the documented or the chosen units."""
         if point.price is None:
             return None
         if chosen:
@@ -260,44 +263,45 @@ class Front:
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """The answer of a search: the best values, what they give, and how sure they are."""
+    """The result of a search: best values, results there, and their uncertainty."""
 
-    title: str  #: of the case
+    title: str  #: title of the case
     status: Status
-    """It is "found"; "not converged" where runs were used up while better ones were still met;
-    "independent" where no variable changes any result; "impossible" where no run meets all
-    constraints, of which this one misses them least; "failed" where no run has finished."""
+    """"found"; "not converged" if the runs were used up while better ones were still found;
+    "independent" if no variable changes any result; "impossible" if no run meets all constraints,
+    of which this one violates them least; "failed" if no run has finished."""
     sense: str  #: "minimise" or "maximise"
     values: tuple[Value, ...]  #: the variables
-    objective: ResultWithError | None  #: the result that is best; None if no run has finished
+    objective: ResultWithError | None  #: the objective; None if no run has finished
     constraints: tuple[ConstraintStatus, ...]
-    neighbours: tuple[Neighbour, ...]  #: runs a step or two away
+    neighbours: tuple[Neighbour, ...]  #: runs one or two steps away
     other_optima: tuple[tuple[float, ...], ...]
-    """Values of runs outside of the intervals that are as good within scatter, best first, one for
+    """Values of runs outside the intervals that are as good within scatter, best first, one for
     each region."""
     fidelity: str  #: level of the search
-    checked: str  #: the level that checked it, "" where that failed
-    step: float  #: of the last steps, as a share of the ranges
+    checked: str  #: level that checked it, "" if that failed
+    step: float  #: size of the last steps, as a fraction of the ranges
     runs: Mapping[str, int]
-    """Counts: when the search ended, which most_runs limits; of its level, those about the optimum
-    too; failed, of these; in all."""
-    exhausted: bool  #: whether the search ended because it had no more runs
-    seconds: float  #: duration of all runs, s
-    best: str = ""  #: name of the best run's folder, "" for a run that was made elsewhere
-    front: Front | None = None  #: of the objective and another result, if asked for
-    spread: Spread | None = None  #: by uncertain inputs, if asked for and enough runs have finished
+    """Numbers of runs: when the search ended, which most_runs limits; of its level, including those
+    around the optimum; failed ones among these; in total."""
+    exhausted: bool  #: whether the search used up its runs
+    seconds: float  #: total duration of the runs, s
+    best: str = ""  #: name of the best run's folder, "" if it was made elsewhere
+    front: Front | None = None  #: Pareto front with a second result, if requested
+    #: spread due to uncertain inputs, if requested and enough runs have finished
+    spread: Spread | None = None
     by_check: CheckResult | None = None  #: results of the run with the values `checked`
     unverified: tuple[str, ...] = ()  #: parts of its error that were not checked
-    without_effect: tuple[str, ...] = ()  #: keys of the variables that change no result
+    without_effect: tuple[str, ...] = ()  #: keys of variables that change no result
 
     @property
     def binding(self) -> tuple[ConstraintStatus, ...]:
-        """The constraints that keep the objective from being better."""
+        """The constraints that limit the objective."""
         return tuple(one for one in self.constraints if one.binding)
 
     @property
     def worst(self) -> ConstraintStatus | None:
-        """The constraint that is missed most, relative to its bound; None where all are met."""
+        """The most violated constraint, relative to its bound; None if all are met."""
 
         def relative(one: ConstraintStatus) -> float:
             return one.left / max(abs(one.bound), 1e-300)
@@ -306,7 +310,7 @@ class Optimum:
         return min(missed, key=relative) if missed else None
 
     def changes(self) -> dict[str, str | float]:
-        """Keys and values of the optimum, as `Case.with_` takes them."""
+        """Keys and values of the optimum, for `Case.with_`."""
         return {v.key: f"{v.value:.12g} {v.unit}" if v.unit else v.value for v in self.values}
 
     def to_json(self) -> dict[str, Any]:

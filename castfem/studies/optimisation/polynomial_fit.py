@@ -1,8 +1,8 @@
-"""Polynomials fitted to results over places, and to their derivatives where known.
+"""Fits polynomials to results, and to their derivatives where known.
 
 Of second degree in variables and inputs, with the third power of each variable: along a taper a
-corner comes off its wall. A run with derivatives counts as one and as many more as there are
-variables and inputs, so that far fewer are enough (docs/mould_design.md).
+corner may leave its wall. A run with derivatives counts as one plus the number of variables and
+inputs, so that far fewer runs suffice (docs/mould_design.md).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from castfem.base.types import Array
 
 @dataclass(frozen=True, slots=True)
 class FitCost:
-    """How many runs a polynomial takes, and how they count."""
+    """Numbers of runs for a polynomial, and their weights."""
 
-    runs: float = 1.4  #: runs over coefficients
-    equations: float = 4.3  #: equations over coefficients, of runs with derivatives
-    #: weight of derivatives. What is missed is of fourth degree or more: it changes at least four
-    #: times as much as it is large
+    runs: float = 1.4  #: runs per coefficient
+    equations: float = 4.3  #: equations per coefficient, for runs with derivatives
+    #: weight of derivatives: the misfit is of fourth degree or more, so that its slope is at least
+    #: four times its size
     slopes: float = 0.25
 
 
@@ -37,7 +37,7 @@ def coefficients(variables: int, inputs: int) -> int:
 
 
 def samples(variables: int, inputs: int, *, derivatives: bool = False) -> int:
-    """Number of runs to fit; without derivatives a power of two."""
+    """Number of runs for a fit; without derivatives a power of two."""
     needed = coefficients(variables, inputs)
     if derivatives:
         enough = int(np.ceil(COST.equations * needed / (1 + variables + inputs)))
@@ -46,9 +46,9 @@ def samples(variables: int, inputs: int, *, derivatives: bool = False) -> int:
 
 
 def least(variables: int, inputs: int, *, derivatives: bool) -> int:
-    """Number of runs that fix all coefficients when any of them is left out.
+    """Smallest number of runs that determines all coefficients if any run is left out.
 
-    Derivatives at two places say how a result bends along the line between them: as many lines are
+    Derivatives at two points determine the curvature along the line between them: as many lines are
     needed as there are variables and inputs.
     """
     needed, every = coefficients(variables, inputs), variables + inputs
@@ -58,16 +58,16 @@ def least(variables: int, inputs: int, *, derivatives: bool) -> int:
 def fit(
     places: Array, values: Array, variables: int, slopes: Array | None = None
 ) -> tuple[Callable[[Array], Array], Array]:
-    """Return polynomials of runs, and by how much they miss a run that is left out.
+    """Return polynomials fitted to runs, and their errors at runs left out of the fit.
 
     Args:
-        places: Of the runs (r, n), variables first, each of them and each input from -1 to 1.
+        places: Points of the runs (r, n), variables first, each variable and input from -1 to 1.
         values: Results (r, m).
         variables: Number of variables.
-        slopes: Derivatives by the places (r, m, n), NaN where not known; None for none.
+        slopes: Derivatives by the points (r, m, n), NaN if unknown; None for none.
 
     Returns:
-        Results (k, m) at places (k, n); root mean squares of what each run is missed by when the
+        Results (k, m) at points (k, n); root mean squares of the errors at each run when the
         polynomials are fitted to all others (m,).
     """
     rows, results = _equations(places, values, variables, slopes)
@@ -90,7 +90,7 @@ def fit(
 def _equations(
     places: Array, values: Array, variables: int, slopes: Array | None
 ) -> tuple[Array, Array]:
-    """Rows of the coefficients and right-hand sides: of each run its value, then its slopes."""
+    """Rows of the coefficients and right-hand sides: for each run its value, then its slopes."""
     rows = columns(places, variables)
     if slopes is None:
         return rows, values
@@ -101,14 +101,14 @@ def _equations(
 
 
 def _powers(count: int, variables: int) -> list[tuple[int, ...]]:
-    """The factors of each column: numbers of variables and inputs."""
+    """Factors of each column: indices of variables and inputs."""
     every = range(count)
     squares = itertools.combinations_with_replacement(every, 2)
     return [(), *((i,) for i in every), *squares, *((i, i, i) for i in range(variables))]
 
 
 def columns(x: Array, variables: int = 0) -> Array:
-    """Values of 1, x_i, x_i x_j (i <= j) and, of the first variables, x_i^3 at places (r, n)."""
+    """Values of 1, x_i, x_i x_j (i <= j) and, of the first variables, x_i^3 at points (r, n)."""
     factors = _powers(x.shape[1], variables)
     return np.column_stack([np.prod(x[:, list(one)], axis=1) for one in factors])
 

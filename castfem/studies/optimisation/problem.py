@@ -33,28 +33,28 @@ _SETS = {"mechanics.law.": "law", "mechanics.elasticity.": "elasticity"}
 _STEEL = "steel."
 _ELASTICITY = "elastic_steel"  # by default
 _FOLDER = "castfem_inputs"
-_ABSOLUTE = ("degC", "degF", "°C", "°F")  # scales that do not begin at zero
+_ABSOLUTE = ("degC", "degF", "°C", "°F")  # temperature scales that do not begin at absolute zero
 
 
 @dataclass(frozen=True, slots=True)
 class UncertainInput:
-    """An input that is not known exactly, of the table [[optimise.input]].
+    """An uncertain input, from the table [[optimise.input]].
 
-    A `range` holds values of a key. What is `relative` is multiplied: a number or a table of the
-    case, a property of the steel (`steel.conductivity`), a parameter of the constitutive law or of
-    the elasticity (`mechanics.law.strength`, `mechanics.elasticity.young`). For the latter a
+    A `range` contains values of a key. A `relative` input is a factor: on a number or a table of
+    the case, a property of the steel (`steel.conductivity`), a parameter of the constitutive law or
+    of the elasticity (`mechanics.law.strength`, `mechanics.elasticity.young`). For the latter a
     parameter file with the changed numbers is written; a run copies it.
     """
 
     key: str
     low: float  #: lowest value, or factor
     high: float
-    unit: str  #: of a value, "" for none
+    unit: str  #: unit of a value, "" for none
     relative: bool  #: whether it is a factor
 
     @classmethod
     def of(cls, table: Input) -> UncertainInput:
-        """The input of a table."""
+        """Make the input of a table."""
         if table.relative is not None:
             low, high = (1.0 + units.parse(end, "1") for end in table.relative)
             return cls(table.key, low, high, "", True)
@@ -71,11 +71,11 @@ class UncertainInput:
         return f"{self.key} [{unit}]" if unit else self.key
 
     def value(self, share: float) -> float:
-        """The value at a share of the range, to six digits."""
+        """Value at a fraction of the range, to six digits."""
         return float(f"{self.low + share * (self.high - self.low):.6g}")
 
     def changes(self, case: Case, value: float) -> dict[str, Any]:
-        """Keys and values of the case with this value, as `Case.with_` takes them."""
+        """Keys and values of the case with this value, for `Case.with_`."""
         if not self.relative:
             return {self.key: f"{value:.12g} {self.unit}" if self.unit else value}
         for prefix, key in _SETS.items():
@@ -106,7 +106,7 @@ class UncertainInput:
         return str(path)
 
     def _scaled(self, written: Any, factor: float) -> Any:
-        """A value, text or table as a file has it, times a factor."""
+        """A value, text or table from a file, times a factor."""
         if isinstance(written, bool) or written is None:
             raise InputError(f"{self.key}: there is no number that could be multiplied")
         if isinstance(written, int | float):
@@ -120,7 +120,7 @@ class UncertainInput:
         try:
             number, unit = units.split(str(written))
         except ValueError:
-            raise InputError(f'{self.key}: ("{written}") is no number; give range') from None
+            raise InputError(f'{self.key}: ("{written}") is not a number; give range') from None
         if unit in _ABSOLUTE:
             raise InputError(f"{self.key}: a temperature is not multiplied; give range")
         return f"{float(number) * factor:.12g} {unit}".strip()
@@ -136,31 +136,32 @@ _MISSING = (
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """A run that a search needs; requests that differ by `derivatives` alone are equal."""
+    """A run needed by a search; requests that differ only in `derivatives` are equal."""
 
     values: tuple[float, ...]
-    """Of the variables, in the units of their ranges; in the idealised mould those of the mould,
-    which have no effect there, are the lowest of their ranges."""
+    """Values of the variables, in the units of their ranges; in the idealised mould those of the
+    mould, which have no effect there, are the lowest of their ranges."""
     fidelity: str  #: level of fidelity
     ideal: bool = False  #: whether it is in the idealised mould
     inputs: tuple[float, ...] = ()  #: values or factors of uncertain inputs; (): those of the case
     derivatives: bool = field(default=False, compare=False)
-    """Whether derivatives by variables and inputs are wanted, too; a run without them will do."""
+    """Whether derivatives by variables and inputs are wanted, too; a run without them is
+    acceptable."""
 
 
 @dataclass(frozen=True, slots=True)
 class DesignVariable:
-    """A variable of the search; its share of the range, 0 to 1, is what the search varies."""
+    """A variable of the search, which varies it as a fraction of its range, 0 to 1."""
 
     key: str
-    low: float  #: of the range, in `unit`
+    low: float  #: lower end of the range, in `unit`
     high: float
     unit: str  #: "" for none
-    decimals: int  #: to which values are rounded
+    decimals: int  #: number of decimals to which values are rounded
 
     @classmethod
     def of(cls, variable: Variable) -> DesignVariable:
-        """The variable of a table."""
+        """Make the variable of a table."""
         low, high, si = variable.si
         low, high = (units.convert(end, si, variable.unit or "1") for end in (low, high))
         decimals = max(0, math.ceil(-math.log10((high - low) / 1e4)))
@@ -177,19 +178,19 @@ class DesignVariable:
         return f"{self.key} [{self.unit}]" if self.unit else self.key
 
     def at(self, share: float) -> float:
-        """The value at a share of the range."""
+        """Value at a fraction of the range."""
         return self.low + share * (self.high - self.low)
 
     def value(self, share: float) -> float:
-        """The value at a share of the range, rounded."""
+        """Value at a fraction of the range, rounded."""
         return min(max(round(self.at(share), self.decimals), self.low), self.high) + 0.0
 
     def share(self, value: float) -> float:
-        """The share of the range at a value, within the range."""
+        """Fraction of the range at a value, within 0 to 1."""
         return min(max((value - self.low) / (self.high - self.low), 0.0), 1.0)
 
     def written(self, value: float) -> str | float:
-        """A value as a case file has it."""
+        """A value as text for a case file."""
         return f"{value:.12g} {self.unit}" if self.unit else value
 
 
@@ -198,11 +199,11 @@ class DesignProblem:
 
     Attributes:
         case: The case.
-        origin: What messages call it.
+        origin: Name of the case in messages.
         table: The table.
-        variables: What is varied.
+        variables: The variables.
         bounds: The constraints.
-        inputs: What is not known exactly.
+        inputs: Uncertain inputs.
     """
 
     def __init__(self, case: Case, origin: str = "") -> None:
@@ -244,7 +245,7 @@ class DesignProblem:
                         yield line if line.startswith(where) else f"{where}: {line}"
 
     def check_results(self) -> None:
-        """Refuse results that no run of the case has, before anything is run."""
+        """Refuse results that no run of the case has, before any run."""
         from castfem.runs.results.needs import faults_of
 
         asked = {"minimise": self.table.minimise, "maximise": self.table.maximise}
@@ -256,7 +257,7 @@ class DesignProblem:
         names = [name for _, name in keys]
         faults = faults_of(self.case, names)
         if self.table.fidelity == THERMAL and not any(faults):
-            alone = "is no result of temperature alone, of which fidelity thermal is"
+            alone = "is not a result of temperature alone, of which fidelity thermal is"
             found = faults_of(at_level(self.case, THERMAL), names)
             faults = [fault and f"{alone}; {_COUPLED}" for fault in found]
         problems = [
@@ -269,7 +270,7 @@ class DesignProblem:
 
     @property
     def result_names(self) -> tuple[str, ...]:
-        """The results that it needs of each run."""
+        """Names of the results needed from each run."""
         names = [name for name, _ in self.table.objectives]
         names += [bound.quantity for bound in self.bounds]
         if self.table.front is not None:
@@ -278,38 +279,38 @@ class DesignProblem:
 
     @property
     def relative(self) -> bool:
-        """Whether a constraint is a share of what the idealised mould gives."""
+        """Whether a constraint is relative to the idealised mould."""
         return any(bound.relative for bound in self.bounds)
 
     @property
     def needs_ideal(self) -> bool:
-        """Whether a run in the idealised mould is needed: for a constraint, or a taper's start."""
+        """Whether a run in the idealised mould is needed: for a constraint, or to start tapers."""
         return self.case.mould is not None and (self.relative or bool(self._fitted_tapers()))
 
     def _fitted_tapers(self) -> list[int]:
-        """Numbers of the variables that are tapers without a start of their own."""
+        """Indices of the variables that are tapers without a start value."""
         pairs = zip(self.variables, self.table.variable, strict=True)
         return [i for i, (one, table) in enumerate(pairs)
                 if one.key.startswith(_TAPER) and table.start is None]  # fmt: skip
 
     def request(self, shares: Array, fidelity: str = "") -> RunRequest:
-        """The run at shares of the ranges (n,)."""
+        """The run at fractions of the ranges (n,)."""
         values = tuple(a.value(float(u)) for a, u in zip(self.variables, shares, strict=True))
         return RunRequest(values, fidelity or self.table.fidelity)
 
     def shares(self, request: RunRequest) -> Array:
-        """The shares of the ranges of a run (n,)."""
+        """The fractions of the ranges of a run (n,)."""
         pairs = zip(self.variables, request.values, strict=True)
         return np.array([one.share(value) for one, value in pairs])
 
     def ideal(self, request: RunRequest) -> RunRequest:
-        """The run in the idealised mould, all else as in another one."""
+        """The run in the idealised mould, otherwise equal to another one."""
         pairs = zip(self.variables, request.values, strict=True)
         values = tuple(one.low if one.of_mould else value for one, value in pairs)
         return replace(request, values=values, ideal=True)
 
     def changes(self, request: RunRequest) -> dict[str, Any]:
-        """Keys and values of a run, as `Case.with_` takes them."""
+        """Keys and values of a run, for `Case.with_`."""
         pairs = zip(self.variables, request.values, strict=True)
         changes = {
             one.key: one.written(value)
@@ -321,10 +322,10 @@ class DesignProblem:
         return changes
 
     def start(self, ideal: Evaluation | None) -> Array:
-        """Where the search begins (n,), as shares of the ranges.
+        """Start of the search (n,), as fractions of the ranges.
 
         Args:
-            ideal: The run in the idealised mould, to whose strand tapers are fitted.
+            ideal: Run in the idealised mould, to whose strand tapers are fitted.
         """
         from castfem.model.build_mould import build_mould
         from castfem.studies.mould_fit.ideal_taper import fitted_tapers

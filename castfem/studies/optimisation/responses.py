@@ -1,4 +1,4 @@
-"""What the runs of a problem give: objective, margins of the constraints, their derivatives."""
+"""Responses of the runs of a problem: objective, margins of the constraints, derivatives."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 
 Obtain = Callable[[Sequence[RunRequest]], None]
-"""Makes runs, after which `KnownRuns.find` gives their results."""
+"""Makes runs, so that `KnownRuns.find` returns their results."""
 
 
 class KnownRuns:
-    """The cases and results of the runs of a problem: handed in, or in the folder."""
+    """Cases and results of the runs of a problem, given by `tell` or found in the folder."""
 
     def __init__(self, problem: DesignProblem, evaluator: Evaluator | None) -> None:
         self._problem, self._evaluator = problem, evaluator
         self._lean = lean(problem.case)
         self._cases: dict[RunRequest, Case] = {}
-        self._differentiated: set[RunRequest] = set()  # that were asked for derivatives
+        self._differentiated: set[RunRequest] = set()  # requests for which derivatives were wanted
         self.results: dict[RunRequest, Evaluation] = {}
 
     def case(self, request: RunRequest) -> Case:
@@ -51,7 +51,7 @@ class KnownRuns:
         return self._cases[request]
 
     def find(self, request: RunRequest) -> Evaluation | None:
-        """The results of a run, None where it has not been made as requested."""
+        """The results of a run, None if it has not been made as requested."""
         found = self.results.get(request)
         if request.derivatives and request not in self._differentiated:
             found = None
@@ -75,16 +75,16 @@ class Responses:
     Args:
         problem: The problem.
         runs: Cases and results.
-        obtain: Makes those that are missing.
+        obtain: Makes missing runs.
         objective: Result and sense, instead of the problem's.
-        extra: Constraints beside the problem's.
-        seen: The runs of other responses, to be shared with them.
+        extra: Constraints in addition to the problem's.
+        seen: The runs of other responses, to be shared.
 
     Attributes:
-        runs: Of all responses of the problem.
-        objective: The result that is to be best. sense: 1 where it is to be small, -1 where large.
+        runs: Runs of all responses of the problem.
+        objective: The objective. sense: 1 to minimise it, -1 to maximise it.
         bounds: The constraints.
-        seen: The runs that were looked at, in that order.
+        seen: The runs used so far, in that order.
     """
 
     def __init__(
@@ -106,15 +106,15 @@ class Responses:
     def other(
         self, objective: tuple[str, float] | None = None, extra: Sequence[Bound] = ()
     ) -> Responses:
-        """Another objective, or further constraints, of the same runs; see the arguments."""
+        """Responses of the same runs with another objective, or further constraints."""
         return Responses(self.problem, self.runs, self._obtain, objective, extra, self.seen)
 
     def apart(self) -> Responses:
-        """The same for runs that are none of the search."""
+        """The same responses for runs outside the search."""
         return Responses(self.problem, self.runs, self._obtain)
 
     def fetch(self, requests: Sequence[RunRequest]) -> None:
-        """Have runs made where they are missing, those in the idealised mould with them."""
+        """Make missing runs, with those in the idealised mould."""
         ideal = [self.problem.ideal(one) for one in requests] if self.problem.relative else []
         missing = [one for one in dict.fromkeys([*ideal, *requests]) if self.runs.find(one) is None]
         if missing:
@@ -130,15 +130,15 @@ class Responses:
         return len(self.bounds)
 
     def value(self, request: RunRequest) -> float:
-        """The objective of a run in SI, as it is."""
+        """The objective of a run in SI."""
         return self._quantity(self.seen[request], self.objective, "objective").value
 
     def cost(self, request: RunRequest) -> float:
-        """The objective of a run, less is better."""
+        """The cost of a run: its objective with the sign for minimisation."""
         return self.sense * self.value(request)
 
     def margins(self, request: RunRequest) -> tuple[Array, Array]:
-        """How far each constraint is on the right side, and its bound (m,), of a run, SI."""
+        """Margin of each constraint (positive if met), and its bound (m,), for a run, SI."""
         left, limits = [], []
         for bound in self.bounds:
             value = self._quantity(self.seen[request], bound.quantity, "constraints").value
@@ -148,22 +148,22 @@ class Responses:
         return np.array(left), np.array(limits)
 
     def vector(self, request: RunRequest) -> Array:
-        """Cost and margins of a run (1 + m,); NaN for one that has failed."""
+        """Cost and margins of a run (1 + m,); NaN if it has failed."""
         if self.seen[request].failed:
             return np.full(1 + self.count, np.nan)
         return np.array([self.cost(request), *self.margins(request)[0]])
 
     def vector_or_nan(self, request: RunRequest) -> Array:
-        """The same, NaN also where the run in the idealised mould has failed."""
+        """The same, NaN also if the run in the idealised mould has failed."""
         try:
             return self.vector(request)
         except InputError:
             return np.full(1 + self.count, np.nan)
 
     def slopes(self, request: RunRequest) -> Array | None:
-        """Derivatives of cost and margins by the shares of all ranges (1 + m, n + d), SI.
+        """Derivatives of cost and margins by the fractions of all ranges (1 + m, n + d), SI.
 
-        None for a run that has none; NaN for those that are not known.
+        None for a run without derivatives; NaN for unknown ones.
         """
         slopes = self.seen[request].slopes
         if not slopes or any(name not in slopes for name in self.names):
@@ -172,7 +172,7 @@ class Responses:
         rows[0] = self.sense * rows[0]
         for i, bound in enumerate(self.bounds, 1):
             ideal = self.problem.ideal(request)
-            if bound.relative and of_run(self.problem, ideal).to:  # else it is constant
+            if bound.relative and of_run(self.problem, ideal).to:  # otherwise constant
                 run = self.runs.find(ideal)
                 there = None if run is None else run.slopes
                 if not there or bound.quantity not in there:
@@ -183,11 +183,11 @@ class Responses:
         return np.array(rows)
 
     def of_level(self, fidelity: str) -> list[RunRequest]:
-        """The runs of a level that were looked at, with the inputs of the case."""
+        """The runs of a level used so far, with the inputs of the case."""
         return [w for w in self.seen if w.fidelity == fidelity and not w.inputs and not w.ideal]
 
     def table(self, fidelity: str) -> tuple[Array, Array]:
-        """Places (r, n) of the runs of a level, shares of the ranges, and their vectors."""
+        """Points (r, n) of the runs of a level, fractions of the ranges, and their vectors."""
         own = self.of_level(fidelity)
         shares = np.array([self.problem.shares(one) for one in own])
         return shares, np.array([self.vector(one) for one in own])
@@ -205,14 +205,14 @@ class Responses:
     def _quantity(self, results: Evaluation, name: str, key: str) -> Quantity:
         if name not in results.quantities:
             raise InputError(
-                f'{self.problem.origin}: optimise: {key} ("{name}") is no result of this case'
+                f'{self.problem.origin}: optimise: {key} ("{name}") is not a result of this case'
                 f"{units.nearest(name, results.quantities)}"
             )
         return results.quantities[name]
 
 
 def of_run(problem: DesignProblem, request: RunRequest) -> Derivatives:
-    """The derivatives that a run computes: of objective and constraints, by all that is varied.
+    """The derivatives that a run computes: of objective and constraints, by everything that varies.
 
     In the idealised mould only results of relative bounds, and not by keys of the mould.
     """
@@ -243,9 +243,9 @@ def obstacles(problem: DesignProblem, runs: Mapping[RunRequest, Case]) -> list[s
 
 
 def by_shares(problem: DesignProblem, request: RunRequest, slopes: Mapping[str, Slope]) -> Array:
-    """Derivatives of a result by the shares of the ranges (n + d,), SI; NaN where not known.
+    """Derivatives of a result by the fractions of the ranges (n + d,), SI; NaN if unknown.
 
-    Those by the d inputs only where the run has other inputs than the case.
+    The derivatives by the d inputs are included only if the run has other inputs than the case.
     """
     inputs = problem.inputs if request.inputs else ()
     ranges: Sequence[DesignVariable | UncertainInput] = (*problem.variables, *inputs)
@@ -260,7 +260,7 @@ def by_shares(problem: DesignProblem, request: RunRequest, slopes: Mapping[str, 
 
 
 def _width(one: DesignVariable | UncertainInput, slope: Slope, factor: float) -> float:
-    """Width of a range in the unit of the parameter; that of a factor times what it multiplies."""
+    """Width of a range in the unit of the parameter; for a factor times the value it multiplies."""
     if isinstance(one, UncertainInput) and one.relative:
         return slope.at / factor * (one.high - one.low)
     low, high = (to_si(end, one.unit or "1") for end in (one.low, one.high))

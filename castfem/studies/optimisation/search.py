@@ -1,8 +1,8 @@
-"""Search for the best values of one objective: COBYQA, or SLSQP with derivatives of the runs.
+"""Search for the optimum of one objective: COBYQA, or SLSQP with derivatives from the runs.
 
-A run that fails has neither objective nor margins. It gets the worst of those seen so far, and
-violates a constraint of its own by the part of the strand that it has not reached, so that the
-search goes back to where the strand comes through.
+A failed run has neither objective nor margins. It gets the worst ones so far, and violates an
+additional constraint by the part of the strand that it has not reached, so that the search returns
+to where the strand comes through.
 
 COBYQA: [Ragonneau2022]; SLSQP: [Kraft1988] (docs/references.md).
 """
@@ -26,21 +26,21 @@ from castfem.studies.optimisation.responses import Responses
 
 @dataclass(frozen=True, slots=True)
 class SearchSettings:
-    """Steps, scales and ends of the search. Lengths are shares of the ranges."""
+    """Steps, scales and end criteria of the search. Lengths are fractions of the ranges."""
 
     first: float = 0.1  #: first step
-    last: float = 0.002  #: smallest step worth taking
-    largest_last: float = 0.03  #: largest last step, however large the noise
+    last: float = 0.002  #: smallest useful step
+    largest_last: float = 0.03  #: largest last step, for any noise
     at_end: float = 2.0  #: distance from the end of a range that counts as there, in last steps
-    sobol: int = 3  #: 2^3 - 1 places are tried over the ranges where the start fails
-    #: of the part that a failed run has not reached, in scales of the constraints
+    sobol: int = 3  #: 2^3 - 1 points over the ranges are tried if the start fails
+    #: factor on the part that a failed run has not reached, in scales of the constraints
     failed: float = 10.0
-    unseen: float = 1e-2  #: scale of a result where no two runs have shown one, over the result
-    inside: float = 1e-3  #: how far inside of a constraint SLSQP aims, in its scale
-    dear: float = 10.0  #: scales of the cost that a scale of a missed constraint is worth
-    lost: float = 1e30  #: violation of a failed run: more than that of any that has finished
+    unseen: float = 1e-2  #: relative scale of a result that is equal in all runs
+    inside: float = 1e-3  #: margin at which SLSQP aims inside a constraint, in its scale
+    dear: float = 10.0  #: cost, in its scale, of violating a constraint by its scale
+    lost: float = 1e30  #: violation of a failed run: more than that of any finished one
     flat: float = 1e-3  #: change of cost and constraints that ends SLSQP, in their scales
-    trials: int = 4  #: runs for a step of SLSQP that lead nowhere, as at a kink
+    trials: int = 4  #: failed trials for a step of SLSQP, as at a kink
 
 
 SEARCH = SearchSettings()
@@ -49,26 +49,26 @@ Function = Callable[[Array], Any]
 
 
 class BudgetExhausted(Exception):
-    """The search has made as many runs as it may."""
+    """The search has used up its runs."""
 
 
 class _StepsEnd(Exception):
-    """Steps of SLSQP have become shorter than the last one, or lead nowhere."""
+    """Steps of SLSQP have become shorter than the last one, or bring no improvement."""
 
 
 class Search:
     """A search with one objective.
 
     Args:
-        responses: What runs give.
-        most: Number of runs that it may look at.
+        responses: Responses of the runs.
+        most: Largest number of runs that it may use.
 
     Attributes:
-        noise: Of cost and margins (1 + m,), SI: scatter of runs that differ by next to nothing.
-        noise_known: Whether it was measured; it is 0 otherwise.
-        radius: Of the last step, as a share of the ranges.
-        exhausted: Whether it ended because it had no more runs.
-        looked_at: Number of runs when `run` ended.
+        noise: Noise of cost and margins (1 + m,), SI: scatter of nearly equal runs.
+        noise_known: Whether it was measured; otherwise it is 0.
+        radius: Size of the last step, as a fraction of the ranges.
+        exhausted: Whether it ended because its runs were used up.
+        looked_at: Number of runs used when `run` ended.
     """
 
     def __init__(self, responses: Responses, most: int) -> None:
@@ -84,13 +84,13 @@ class Search:
         self._worst = np.zeros(count)
 
     def run(self, start: Array) -> RunRequest:
-        """Return the best run that is found from a start (n,), shares of the ranges."""
+        """Return the best run found from a start (n,), fractions of the ranges."""
 
         def whole() -> None:
             for place in self._starts(self._measure(start)):
                 self._descend(place, SEARCH.first)
             best = self.best()
-            if self.violation(best) > 0.0:  # no run meets all: which comes nearest?
+            if self.violation(best) > 0.0:  # no run meets all constraints: find the least violation
                 self._cobyqa(
                     self.problem.shares(best), SEARCH.first, self._worst_violation, free=True
                 )
@@ -100,17 +100,17 @@ class Search:
         return best
 
     def again(self, begin: RunRequest) -> RunRequest:
-        """Search on from a run with small steps, and return the best one."""
+        """Continue the search from a run with small steps; return the best one."""
         step = min(max(4.0 * self.radius, 2.0 * SEARCH.last), SEARCH.first)
         return self._within_budget(lambda: self._cobyqa(self.problem.shares(begin), step))
 
     def towards(self, start: Array, begin: RunRequest, first: float = SEARCH.first) -> RunRequest:
-        """Search from a run that was made for another objective, and return the best one.
+        """Search from a run that was made for another objective; return the best one.
 
         Args:
-            start: Of the first search of these runs, about which noise was measured (n,).
-            begin: Where this one begins.
-            first: Its first step, as a share of the ranges.
+            start: Start of the first search of these runs, where noise was measured (n,).
+            begin: Start of this search.
+            first: Its first step, as a fraction of the ranges.
         """
 
         def whole() -> None:
@@ -120,13 +120,14 @@ class Search:
         return self._within_budget(whole)
 
     def best_known(self, start: Array) -> RunRequest:
-        """Return the best of the runs that were made for other objectives; see `towards`."""
+        """Return the best of the runs made for other objectives; see `towards`."""
         return self._within_budget(lambda: self._measure(start))
 
     def measure_noise_at(self, best: RunRequest) -> None:
-        """Measure the noise about a best run, too, if its coupling windows are cut.
+        """Measure the noise at a best run, too, if its coupling windows are shortened.
 
-        Those of its neighbours may be cut elsewhere, even if not those of the runs about the start.
+        The steps of its neighbours may be shortened elsewhere, even if not those of the runs around
+        the start.
         """
         if not self.responses.seen[best].cut:
             return
@@ -150,7 +151,7 @@ class Search:
         self.responses.fetch(requests)
 
     def _starts(self, begin: Array) -> list[Array]:
-        """Where to search from: the start, or the local optima of a global search."""
+        """Starts of the search: the given one, or the local optima of a global search."""
         count = (self._most - len(self.responses.seen)) // 2
         if self.problem.table.method != "optuna" or count < 2:
             return [begin]
@@ -163,9 +164,9 @@ class Search:
         return explore(evaluate, begin, count)
 
     def _measure(self, start: Array, among_failures: bool = False) -> Array:
-        """Measure noise, scales and last step about the start; return the start.
+        """Measure noise, scales and last step around the start; return the start.
 
-        Where all runs about it fail, that is done about the first run found that does not.
+        If all runs around it fail, this is done around the first run found that does not.
         """
         vector, request = self.responses.vector, self.problem.request
         begin = np.clip(start, 0.0, 1.0)
@@ -197,7 +198,7 @@ class Search:
             scaled = np.array([vector(w) for w in finished_runs]) / self._scale
             self._worst = np.array([scaled[:, 0].max(), *scaled[:, 1:].min(axis=0)])
         if self.noise_known:
-            # To one side where the other run has failed.
+            # To one side if the other run has failed.
             slope = (above - below) / (2.0 * SEARCH.first)
             slope = np.where(np.isnan(above), (here - below) / SEARCH.first, slope)
             slope = np.where(np.isnan(below), (above - here) / SEARCH.first, slope)
@@ -208,9 +209,9 @@ class Search:
         return begin
 
     def _first_that_finishes(self, begin: Array) -> RunRequest | None:
-        """The first run found that does not fail, from a start where all do; None if there is none.
+        """The first finishing run found from a start where all fail; None if there is none.
 
-        First at places over all of the ranges: how far runs come may say nothing from afar.
+        First at points over the whole ranges: far away, the length reached may be no guide.
         """
         from scipy.stats import qmc
 
@@ -230,14 +231,14 @@ class Search:
         return finished[0] if finished else None
 
     def _bounds(self, runs: Sequence[RunRequest]) -> Array:
-        """Sizes of the bounds (m,), by the first run that has not failed."""
+        """Magnitudes of the bounds (m,), from the first finished run."""
         for run in runs:
             if not self.responses.seen[run].failed:
                 return np.abs(self.responses.margins(run)[1])
         return np.ones(self.responses.count)
 
     def _vector(self, request: RunRequest) -> Array:
-        """Scaled cost and margins, and a margin of having finished (2 + m,), failed or not."""
+        """Scaled cost and margins, and a margin for finishing (2 + m,), failed or not."""
         if request not in self._vectors:
             self._fetch([request])
             run, vector = self.responses.seen[request], self.responses.vector(request)
@@ -245,7 +246,7 @@ class Search:
                 left = SEARCH.failed * (run.share - 1.0) - 1.0 / SEARCH.failed
                 self._vectors[request] = np.array([*self._worst, left])
             else:
-                if not self._scaled:  # the first that finishes
+                if not self._scaled:  # the first finished run
                     self._scaled = True
                     sizes = np.array([abs(vector[0]), *self._bounds([request])])
                     self._scale = np.where(sizes > 0.0, SEARCH.unseen * sizes, 1.0)
@@ -290,7 +291,7 @@ class Search:
         minimize(objective, begin, method="COBYQA", bounds=box, constraints=limits, options=options)
 
     def _slsqp(self, begin: Array, first: float) -> bool:
-        """Search by SLSQP; COBYQA goes on where it misses a bound.
+        """Search by SLSQP; COBYQA continues if it violates a bound.
 
         Returns:
             Whether the runs have derivatives.
@@ -302,7 +303,7 @@ class Search:
         inside = np.array([0.0, *np.full(self.responses.count, SEARCH.inside), 0.0])
 
         def at(x: Array) -> RunRequest:
-            """The run at steps of `first`, so that a cost of slope 1 is followed by one step."""
+            """The run at steps of `first`, so that a unit slope of the cost gives one step."""
             return replace(self.problem.request(first * x), derivatives=True)
 
         def values(x: Array) -> Array:
@@ -343,16 +344,16 @@ class Search:
             )  # fmt: skip
         if complete:
             end = min(list(self._vectors)[known:], key=self._merit, default=self.best())
-            if self.violation(end) > 0.0:  # a bound is bent more than its derivatives say
+            if self.violation(end) > 0.0:  # a bound is more curved than its derivatives say
                 self._cobyqa(self.problem.shares(end), max(4.0 * last, 2.0 * SEARCH.last))
         return complete
 
     def _merit(self, request: RunRequest) -> float:
-        """Cost of a run that may miss a bound by a little."""
+        """Cost of a run, with a penalty for small violations."""
         return float(self._vector(request)[0]) + SEARCH.dear * self.violation(request)
 
     def violation(self, request: RunRequest) -> float:
-        """By how much a run misses constraints beyond noise, in their scales; 0 if it meets all."""
+        """Violation of constraints beyond noise, in their scales; 0 if all are met."""
         run = self.responses.seen[request]
         if run.failed:
             return float(SEARCH.lost * (2.0 - run.share))
@@ -363,7 +364,7 @@ class Search:
         return float(np.max(np.where(left >= -allowed, 0.0, -left) / self._scale[1:]))
 
     def best(self) -> RunRequest:
-        """The best run seen: the one with the least violation, and of those the least cost."""
+        """The best run so far: the smallest violation, and of those the smallest cost."""
 
         def order(request: RunRequest) -> tuple[float, float]:
             failed = self.responses.seen[request].failed
@@ -372,7 +373,7 @@ class Search:
         return min(self.responses.of_level(self.problem.table.fidelity), key=order)
 
     def better_than(self, request: RunRequest) -> RunRequest | None:
-        """The best run seen where it is better than one by more than their noise, else None."""
+        """The best run so far if it is better than `request` by more than noise, else None."""
         best, seen = self.best(), self.responses.seen
         if best == request or seen[best].failed:
             return None
@@ -384,7 +385,7 @@ class Search:
     def without_effect(self) -> tuple[str, ...]:
         """Keys of the variables that change no result by more than rounding.
 
-        All of them, where no two runs differ in any result.
+        All of them, if no two runs differ in any result.
         """
         own = self.responses.of_level(self.problem.table.fidelity)
         values = [self.responses.vector(w) for w in own if not self.responses.seen[w].failed]

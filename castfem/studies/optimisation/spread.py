@@ -1,10 +1,10 @@
-"""The spread of an optimum by inputs that are not known exactly.
+"""The spread of an optimum due to uncertain inputs.
 
-Runs are made at points of Sobol's sequence, in the variables about the optimum and the ranges of
+Runs are made at points of Sobol's sequence, in the variables around the optimum and the ranges of
 the inputs together. Polynomials of objective and margins are fitted to them, and to their
-derivatives where runs have these; the error is that of each run against the fit to all others. For
-many draws of the inputs they give results at the optimum, where the optimum would be, and Sobol
-indices: of the first order (share of the variance by one input alone) and total (with all of its
+derivatives if available; the error is that of each run against the fit to all others. For many
+draws of the inputs they give results at the optimum, the optimum itself, and Sobol indices: of
+first order (fraction of the variance due to one input alone) and total (with all of its
 interactions).
 
 Indices: [Saltelli2010] (docs/references.md), by `scipy.stats.sobol_indices`.
@@ -26,14 +26,14 @@ from castfem.studies.optimisation.responses import Responses
 
 @dataclass(frozen=True, slots=True)
 class SpreadSettings:
-    """How the spread of an optimum is sampled."""
+    """Settings of the sampling for the spread of an optimum."""
 
-    places: int = 2**11  #: places in the box of the variables
+    places: int = 2**11  #: points in the box of the variables
     draws: int = 2**8  #: draws of the inputs
-    tails: tuple[float, float] = (0.05, 0.95)  #: quantiles that are reported
-    edge: float = 0.04  #: distance from the end of the box that counts as there, of half of it
-    safe: float = 0.95  #: share of the draws in which a safe optimum meets its constraints
-    seed: int = 12  #: of the random numbers
+    tails: tuple[float, float] = (0.05, 0.95)  #: reported quantiles
+    edge: float = 0.04  #: relative distance from the end of the box that counts as there
+    safe: float = 0.95  #: fraction of the draws in which a safe optimum meets its constraints
+    seed: int = 12  #: seed of the random numbers
 
 
 SPREAD = SpreadSettings()
@@ -41,39 +41,40 @@ SPREAD = SpreadSettings()
 
 @dataclass(frozen=True, slots=True)
 class InputSpread:
-    """What the inputs do to an optimum."""
+    """Effect of the inputs on an optimum."""
 
-    low: Array  #: cost and margins at the optimum (1 + m,), 5 % of the draws lie below, SI
-    high: Array  #: 95 % lie below
-    error: Array  #: of the fit (1 + m,), SI: root mean square, each run by the fit to the others
-    met: Array  #: share of the draws in which each constraint is met at the optimum (m,)
-    first: Array  #: Sobol indices of first order of cost, margins and best values (1 + m + n, d)
+    low: Array  #: 5 % quantiles of cost and margins at the optimum (1 + m,), SI
+    high: Array  #: 95 % quantiles, likewise
+    #: error of the fit (1 + m,), SI: root mean square, each run against the fit to the others
+    error: Array
+    met: Array  #: fraction of the draws in which each constraint is met at the optimum (m,)
+    first: Array  #: first-order Sobol indices of cost, margins and best values (1 + m + n, d)
     total: Array  #: total Sobol indices (1 + m + n, d)
-    place: Array  #: best values (n, 2), 5 and 95 % of the draws, shares of the ranges
-    open: Flags  #: whether they go on where the runs end, by variable (n,)
-    safe: Array | None  #: best place (n,) that meets all constraints in 95 % of the draws, if any
-    runs: int  #: number of runs, those in the idealised mould not counted
-    failed: int  #: of these
+    place: Array  #: best values (n, 2), 5 and 95 % quantiles of the draws, fractions of the ranges
+    open: Flags  #: whether they reach the limits of the runs, by variable (n,)
+    safe: Array | None  #: best point (n,) that meets all constraints in 95 % of the draws, if any
+    runs: int  #: number of runs, without those in the idealised mould
+    failed: int  #: number of failed ones among them
     derivatives: bool  #: whether they have derivatives
 
 
 @dataclass(frozen=True, slots=True)
 class _Box:
-    """The runs lie in it: each variable and each input goes from -1 to 1."""
+    """The box of the runs, in which each variable and each input goes from -1 to 1."""
 
-    middle: Array  #: of the variables (n,), shares of the ranges
-    half: Array  #: from there to either side
+    middle: Array  #: centre, of the variables (n,), fractions of the ranges
+    half: Array  #: half width
 
     def shares(self, place: Array) -> Array:
-        """Shares of the ranges at places of the variables (..., n)."""
+        """Fractions of the ranges at points of the variables (..., n)."""
         return np.asarray(self.middle + self.half * place)
 
     def place(self, shares: Array) -> Array:
-        """The inverse of `shares`."""
+        """Inverse of `shares`."""
         return np.asarray((shares - self.middle) / self.half)
 
     def open(self, ends: Array) -> Flags:
-        """Whether what lies between some ends (n, 2) goes on beyond the runs, by variable."""
+        """Whether intervals with some ends (n, 2) reach the limits of the runs, by variable."""
         below = (self.middle - self.half > 0.0) & (ends[:, 0] <= SPREAD.edge - 1.0)
         above = (self.middle + self.half < 1.0) & (ends[:, 1] >= 1.0 - SPREAD.edge)
         return np.asarray(below | above)
@@ -82,12 +83,12 @@ class _Box:
 def input_spread(
     responses: Responses, best: RunRequest, model: Quadratic, *, derivatives: bool = False
 ) -> InputSpread | None:
-    """Return what the inputs do to an optimum; None where too many of the runs fail.
+    """Return the effect of the inputs on an optimum; None if too many of the runs fail.
 
     Args:
-        responses: What runs give, apart from those of the search.
+        responses: Responses of the runs, separate from those of the search.
         best: The best run.
-        model: Quadratics about it, which choose the box of the variables.
+        model: Quadratics around it, which determine the box of the variables.
         derivatives: Whether runs can compute derivatives; if one has none, more runs are made.
     """
     problem, (low, high) = responses.problem, model.box
@@ -129,9 +130,9 @@ def _sobol(dimensions: int, count: int) -> Array:
 def _runs(
     responses: Responses, best: RunRequest, box: _Box, derivatives: bool
 ) -> tuple[Array, Array, Array | None]:
-    """Places of the runs (r, n + d), cost and margins (r, 1 + m) and their slopes by the places.
+    """Points of the runs (r, n + d), cost and margins (r, 1 + m) and their slopes by the points.
 
-    Slopes (r, 1 + m, n + d) where all runs have them; if they do not, further runs are made.
+    Slopes (r, 1 + m, n + d) if all runs have them; otherwise further runs are made.
     """
     problem = responses.problem
     n, d = len(problem.variables), len(problem.inputs)
@@ -165,7 +166,7 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
     from scipy import stats
 
     def twice(x: Array) -> Array:
-        """A single result of a single input is given twice, because scipy fails at one number."""
+        """A single result of a single input is repeated, since scipy fails for one number."""
         values = function(x.T).T
         return np.vstack([values, values]) if inputs == len(values) == 1 else values
 
@@ -183,18 +184,18 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
 
 
 class _Finder:
-    """Finds the optimum of polynomials for given inputs, among many places in the box."""
+    """Finds the optimum of polynomials for given inputs, among many points in the box."""
 
     def __init__(self, polynomials: Callable[[Array], Array], variables: int) -> None:
         self._polynomials, self._places = polynomials, 2.0 * _sobol(variables, SPREAD.places) - 1.0
 
     def _values(self, inputs: Array) -> Array:
-        """Cost and margins at all places for one draw (places, 1 + m)."""
+        """Cost and margins at all points for one draw (points, 1 + m)."""
         drawn = np.tile(inputs, (len(self._places), 1))
         return self._polynomials(np.hstack([self._places, drawn]))
 
     def best(self, draws: Array) -> Array:
-        """The best place (draws, n) for each draw of the inputs (draws, d)."""
+        """The best point (draws, n) for each draw of the inputs (draws, d)."""
         found = []
         for inputs in draws:
             values = self._values(inputs)
@@ -203,7 +204,7 @@ class _Finder:
         return np.array(found)
 
     def safe(self, draws: Array) -> Array | None:
-        """The place of least mean cost that meets all constraints in most draws (n,)."""
+        """The point of least mean cost that meets all constraints in most draws (n,)."""
         met, cost = np.zeros(len(self._places)), np.zeros(len(self._places))
         for inputs in draws:
             values = self._values(inputs)

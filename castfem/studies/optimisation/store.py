@@ -1,8 +1,8 @@
-"""Runs in a folder, as `castfem sweep` keeps them, found again by their case.
+"""Runs in a folder, as kept by `castfem sweep`, found by their case.
 
 The results of a run depend on physics, followed length, solvers and on when fields are written
-(that ends coupling windows). Cases that agree in these are the same run, whatever their titles and
-other output, and it is run once, by whichever command.
+(which ends coupling windows). Cases that agree in these are the same run, whatever their titles and
+other output, and it is made once, by any command.
 """
 
 from __future__ import annotations
@@ -41,30 +41,31 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 _NO_RESULT = ("title", "reference", "verification", "optimise")  # tables without effect on results
-_RESULT = ("every", "smooth")  # keys of [output] with effect on them
-_NO_KEYS = ("fidelity", "mould")  # varied, and no keys of the case
+_RESULT = ("every", "smooth")  # keys of [output] that affect the results
+_NO_KEYS = ("fidelity", "mould")  # varied, but not keys of the case
 
 Strand = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """The results of a run, or how it failed."""
+    """The results of a run, or its failure."""
 
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
-    """Name to result, as in summary.json; empty for a run that has failed."""
-    share: float = 1.0  #: which part of the followed length it has reached, 1 if it has finished
+    """Results by name, as in summary.json; empty for a failed run."""
+    share: float = 1.0  #: fraction of the followed length that it reached, 1 if it has finished
     message: str = ""  #: why it failed, one line
-    seconds: float = 0.0  #: its duration; 0 where that is not known
-    folder: Path | None = None  #: of the run; None for one that was made elsewhere
-    slopes: Slopes | None = None  #: its derivatives, empty if it can have none; None if not asked
-    cut: int = 0  #: number of coupling windows that were cut for their error
+    seconds: float = 0.0  #: its duration; 0 if unknown
+    folder: Path | None = None  #: folder of the run; None if it was made elsewhere
+    #: its derivatives, empty if it can have none; None if not requested
+    slopes: Slopes | None = None
+    cut: int = 0  #: number of coupling windows that were shortened for their error
 
     @classmethod
     def of(
         cls, summary: Summary, seconds: float, folder: Path | None, slopes: Slopes | None = None
     ) -> Evaluation:
-        """The results of a run that has finished; see the attributes."""
+        """The results of a finished run; see the attributes."""
         cut = int(summary.steps.get(CUT, 0.0))
         return cls(summary.quantities, 1.0, "", seconds, folder, slopes, cut)
 
@@ -72,13 +73,13 @@ class Evaluation:
     def of_failed(
         cls, folder: Path, record: RunRecord, length: float, message: str = "", seconds: float = 0.0
     ) -> Evaluation:
-        """What is known of a run that has failed; `length` is that of the case, m."""
+        """The state of a failed run; `length` is that of the case, m."""
         share = min(record.reached.get("position", 0.0) / length, 1.0)
         return cls({}, share, message or record.reason or record.status, seconds, folder)
 
     @property
     def failed(self) -> bool:
-        """Whether it ended before its end."""
+        """Whether it failed."""
         return bool(self.message)
 
     def has(self, derivatives: Derivatives | None) -> bool:
@@ -92,18 +93,18 @@ class Evaluation:
         """A result in SI.
 
         Raises:
-            InputError: The run has none of that name, or has failed.
+            InputError: The run has no such result, or has failed.
         """
         if name not in self.quantities:
             if self.failed:
                 raise InputError(f'"{name}": the run has failed: {self.message}; see `failed`')
             near = units.nearest(str(name), self.quantities)
-            raise InputError(f'"{name}" is no result of this run{near}')
+            raise InputError(f'"{name}" is not a result of this run{near}')
         return self.quantities[name].value
 
 
 def key_of(text: str, files: Mapping[str, bytes]) -> str:
-    """Return the hash of all that results depend on, by case.toml and the property files in it."""
+    """Return the hash of all input of the results, from case.toml and the property files in it."""
     tables: dict[str, Any] = tomllib.loads(text)
     for name in _NO_RESULT:
         tables.pop(name, None)
@@ -119,7 +120,7 @@ class Store:
     """The runs in a folder.
 
     Attributes:
-        record: Of the folder, as sweeps keep it.
+        record: Record of the folder, as kept by sweeps.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -127,20 +128,20 @@ class Store:
         self.record = Record(folder)
         self._known: dict[str, Evaluation] = {}
         self._variants: dict[str, Variant] = {}
-        self._rows: dict[str, tuple[Entry, Row]] = {}  # of the table, and what they are of
+        self._rows: dict[str, tuple[Entry, Row]] = {}  # rows of the table, with their runs
         self._strands: dict[str, Strand] = {}
         for name in self.record.entries:
             self._read_earlier(name)
 
     @property
     def folder(self) -> Path:
-        """Where the folders of the runs lie."""
+        """Folder that contains the folders of the runs."""
         return self.record.folder
 
     def check_is_of(self, case: Case) -> None:
-        """Refuse a folder in which every run is of another section or steel than a case.
+        """Refuse a folder in which all runs have another section or steel than a case.
 
-        Keys that earlier calls have varied do not count.
+        Keys that earlier calls have varied are ignored.
         """
         text, _ = portable(case, PROPERTIES_NAME)
         own = _strand(tomllib.loads(text))
@@ -162,7 +163,7 @@ class Store:
             try:
                 full = full_key(type(case), case.document(), key)
             except ValueError:
-                full = table  # a key of whatever table
+                full = table  # a key of any table
             if full.partition(".")[0] == table:
                 return True
         return False
@@ -175,13 +176,13 @@ class Store:
     def job(
         self, case: Case, given: Mapping[str, str], derivatives: Derivatives | None = None
     ) -> Job:
-        """Return the run of a case, to be made or resumed; `given` says what is varied."""
+        """Return the run of a case, to be made or resumed; `given` has the varied keys."""
         name = f"{run_name(given)}_{_key(case)[:10]}".lstrip("_")
         self._variants[name] = Variant(name, given, case)
         return Job(name, self.folder / name, case, resume=True, derivatives=derivatives)
 
     def note(self, job: Job, outcome: Outcome) -> Evaluation:
-        """Record how a run has ended, and return its results."""
+        """Record the outcome of a run; return its results."""
         if job.name not in self.record.entries:
             self.record.expect([self._variants[job.name]])
         self.record.note(job, outcome)
@@ -192,7 +193,7 @@ class Store:
         return found
 
     def write_table(self) -> None:
-        """Write sweep.csv: a row for each run that has ended, those of earlier calls included."""
+        """Write sweep.csv: one row per run that has ended, including those of earlier calls."""
         done = [n for n, entry in self.record.entries.items() if entry.status != "waiting"]
         for name in done:
             entry = self.record.entries[name]
@@ -214,7 +215,7 @@ class Store:
             self._strands[name] = _strand(tables)
             found = self._read(name, units.parse(tables["casting"]["length"], "m"))
         except (OSError, ValueError, KeyError, CastfemError):
-            return  # no run that could be used
+            return  # not a usable run
         if found is not None:
             self._known[key_of(text, files)] = found
 
@@ -224,7 +225,7 @@ class Store:
         try:
             run = RunRecord.load(place)
             if run.status not in ("finished", "failed") or UNWRITTEN in run.reason:
-                return None  # cut short; a full disk says nothing about the case
+                return None  # interrupted; a full disk is unrelated to the case
             if run.status == "failed":
                 return Evaluation.of_failed(place, run, length, entry.message, entry.seconds)
             summary = Summary.load(place)
@@ -236,7 +237,7 @@ class Store:
 
 
 def _strand(tables: Mapping[str, Any]) -> Strand:
-    """The section, and the name of the steel, of a resolved case."""
+    """Section and name of the steel of a resolved case."""
     steel = tables.get("steel", {})
     return {"section": dict(tables.get("section", {})), "steel": {"name": steel.get("name", "")}}
 

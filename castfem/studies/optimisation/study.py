@@ -1,4 +1,4 @@
-"""A search by ask and tell: it asks for the runs that it needs, and is given their results.
+"""A search with an ask-and-tell interface: it requests runs and receives their results.
 
 study = Study("billet125/optimum_single")
 while wanted := study.ask():
@@ -38,24 +38,24 @@ Requests = tuple[RunRequest, ...]
 
 
 class Study:
-    """The search for the best values of a case with [optimise].
+    """The search for the optimum of a case with [optimise].
 
-    With the same results, from `tell` or from the folder, it asks for the same runs, so that a new
-    study goes on where another one was ended.
+    With the same results, from `tell` or from the folder, it requests the same runs, so a new study
+    continues where another one ended.
 
     Args:
-        case: The case, or what `castfem.load` takes.
-        folder: Of runs, as `Evaluator` keeps them; None if all results come by `tell`.
-        origin: What messages call the case.
+        case: The case, or its path or name as for `castfem.load`.
+        folder: Folder of runs, as kept by `Evaluator`; None if all results come by `tell`.
+        origin: Name of the case in messages.
         evaluator: Makes the runs, instead of one made for the folder.
 
     Attributes:
-        problem: What is asked for.
+        problem: The optimisation problem.
         evaluator: Makes runs; None without a folder.
 
     Raises:
-        InputError: The case has no [optimise], a key cannot be varied, or, where runs are made
-            here, no run has a result that it names.
+        InputError: The case has no [optimise], a key cannot be varied, or, if runs are made here,
+            no run has one of the results.
     """
 
     def __init__(
@@ -82,10 +82,10 @@ class Study:
             self._check_derivatives()
 
     def ask(self) -> tuple[RunRequest, ...]:
-        """Return the runs that the search needs next, which may be made at once; () at its end.
+        """Return the runs that the search needs next, which may be made in parallel; () at its end.
 
         Raises:
-            InputError: A run has no result that is asked for.
+            InputError: A run lacks a required result.
         """
         if self._result is not None:
             return ()
@@ -96,9 +96,9 @@ class Study:
         return ()
 
     def _expect(self, requests: Sequence[RunRequest]) -> None:
-        """Leave the workflow where runs have not been made.
+        """Leave the workflow if runs have not been made.
 
-        It is followed from its beginning at each `ask`: it has no state but the results, and no
+        It is repeated from its beginning at each `ask`: it has no state but the results, and no
         minimiser is left waiting (SciPy allows one COBYQA at a time in a process).
         """
         lost = tuple(one for one in requests if self._runs.find(one) is None)
@@ -111,15 +111,15 @@ class Study:
         obtain: Obtain | None = None,
         stage: Callable[[str], None] | None = None,
     ) -> Optimum:
-        """Make all runs that the search needs, and return its answer.
+        """Make all runs that the search needs; return its result.
 
         Args:
-            ended: Called with each run that is made, and how it has ended.
+            ended: Called with each run and its outcome.
             obtain: Makes runs and tells their results, instead of the study's evaluator.
             stage: Called with the purpose of the runs that follow.
 
         Raises:
-            InputError: The study has no folder, or a run has no result that is asked for.
+            InputError: The study has no folder, or a run lacks a required result.
             RunFailure: A file cannot be written.
         """
 
@@ -142,7 +142,7 @@ class Study:
         return Workflow(self.problem, self._runs, own, stage or nothing)
 
     def _check_derivatives(self) -> None:
-        """Refuse a search by derivatives of runs that have none."""
+        """Refuse a search with derivatives if runs have none."""
         where, fix = f"{self.problem.origin}: optimise.method", 'or take method = "cobyqa"'
         if self.evaluator is None:
             raise InputError(
@@ -159,7 +159,7 @@ class Study:
         """Return the case of a run; see `tell`.
 
         Raises:
-            InputError: It is no run, or lies outside of the ranges.
+            InputError: It is not a run, or is outside the ranges.
         """
         return self._runs.case(check.check_request(self.problem, request, "case"))
 
@@ -168,22 +168,22 @@ class Study:
         request: RunRequest | Mapping[str, Any],
         results: Evaluation | RunResult | Mapping[str, float],
     ) -> None:
-        """Hand in the results of a run.
+        """Provide the results of a run.
 
         Args:
             request: The run, or the values of all variables by key, with units or in those of their
                 ranges.
-            results: An evaluation, a result of castfem (of a run that has failed, too), or results
-                by name in SI.
+            results: An evaluation, a result of castfem (also of a failed run), or results by name
+                in SI.
 
         Raises:
-            InputError: They cannot be used, lack a result that is asked for, or the run lies
-                outside of the ranges.
+            InputError: They cannot be used, lack a required result, or the run is outside the
+                ranges.
         """
         request = check.check_request(self.problem, request, "tell")
         if isinstance(results, RunResult):
             if request.ideal:
-                self._ideal_runs.append(results)  # tapers begin by its history
+                self._ideal_runs.append(results)  # start of tapers from its history
             results = _evaluation(results, self._runs.case(request).casting.length)
         elif isinstance(results, Mapping):
             results = Evaluation(check.quantities_of(self.problem, request, results))
@@ -203,12 +203,12 @@ class Study:
         """Make runs, or find them in the folder, and tell their results.
 
         Args:
-            requests: A run or several; see `tell`.
-            ended: Called with each run that is made, and how it has ended.
+            requests: One or several runs; see `tell`.
+            ended: Called with each run and its outcome.
 
         Raises:
             InputError: The study has no folder, or there is no such run.
-            RunFailure: A file cannot be written. A run that fails raises nothing.
+            RunFailure: A file cannot be written. A failing run raises nothing.
         """
         if self.evaluator is None:
             raise InputError("a study without a folder runs nothing; give it one")
@@ -223,7 +223,7 @@ class Study:
         return found
 
     def _varied(self, request: RunRequest) -> dict[str, str]:
-        """Key to value of what is varied in a run, for names and tables."""
+        """Varied keys and values of a run, for names and tables."""
         own = self.problem.changes(replace(request, inputs=()))
         found = {key: str(value) for key, value in own.items()}
         for one, value in zip(self.problem.inputs, request.inputs, strict=False):
@@ -235,20 +235,20 @@ class Study:
         return found
 
     def result(self) -> Optimum:
-        """Return the answer.
+        """Return the result of the search.
 
         Raises:
             InputError: The search has not finished.
         """
         if self.ask() or self._result is None:
-            raise InputError("the search has not come to its end: ask, run and tell go on")
+            raise InputError("the search has not ended: continue with ask, run and tell")
         return self._result
 
     def case_of(self, optimum: Optimum) -> Case:
         """Return the user's case with the values of an optimum.
 
         Raises:
-            InputError: It is none.
+            InputError: It is not an optimum.
         """
         if not isinstance(optimum, Optimum):
             raise InputError(f"case_of: must be what result() returns, got {optimum!r}")

@@ -1,9 +1,9 @@
-"""From a problem to its answer: search, runs about the optimum, check, spread, front.
+"""Workflow from a problem to its result: search, runs around the optimum, check, spread, front.
 
-The front of two results holds the best of one at each level of the other (epsilon-constraint).
-From the best run of the first result to that of the second the largest gap between two neighbours
-is halved by a search that holds the second result to its middle, from the best run so far that
-meets this. A level that gives nothing new closes its gap.
+The front of two results has the best of one at each level of the other (epsilon-constraint). From
+the best run of the first result to that of the second the largest gap between two neighbours is
+halved by a search that bounds the second result by the middle, starting from the best run so far
+that meets this. A level without a new point closes its gap.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from castfem.studies.optimisation.spread import input_spread
 
 @dataclass(frozen=True, slots=True)
 class NeighbourSteps:
-    """Runs about an optimum."""
+    """Distances of runs around an optimum."""
 
-    least: float = 0.025  #: least distance between them, of the ranges
-    widest: float = 0.1  #: largest
-    turns: int = 3  #: turns of search and runs about its optimum
+    least: float = 0.025  #: smallest distance between them, relative to the ranges
+    widest: float = 0.1  #: largest distance
+    turns: int = 3  #: iterations of search and runs around its optimum
 
 
 NEIGHBOURS = NeighbourSteps()
@@ -44,7 +44,7 @@ NEIGHBOURS = NeighbourSteps()
 
 @dataclass(frozen=True, slots=True)
 class Workflow:
-    """Looks for the answer to a problem; it waits for each run that it needs."""
+    """Computes the result of a problem; it waits for each run that it needs."""
 
     problem: DesignProblem
     runs: KnownRuns  #: their cases and results
@@ -52,7 +52,7 @@ class Workflow:
     stage: Callable[[str], None]  #: called with the purpose of the runs that follow
 
     def run(self, obtain: Obtain) -> Optimum:
-        """Return the answer; `obtain` makes the runs that are missing."""
+        """Return the result; `obtain` makes missing runs."""
         problem, start = self.problem, self._start(obtain)
         responses = Responses(problem, self.runs, obtain)
         search = Search(responses, problem.table.most_runs)
@@ -82,7 +82,7 @@ class Workflow:
         return assemble(found)
 
     def _start(self, obtain: Obtain) -> Array:
-        """Where the search begins (n,): tapers by the strand in its idealised mould."""
+        """Start of the search (n,): tapers from the strand in its idealised mould."""
         problem = self.problem
         if not problem.needs_ideal:
             return problem.start(None)
@@ -98,14 +98,14 @@ class Workflow:
         return not obstacles(self.problem, {one: self.runs.case(one) for one in every})
 
     def _about(self, search: Search, best: RunRequest) -> Findings:
-        """Make the runs about a best one, and at the other levels."""
+        """Make the runs around a best one, and at the other levels."""
         responses = search.responses
-        self.stage("what a step away from the best run costs")
+        self.stage("cost of a step away from the best run")
         best, model = self._surroundings(search, best)
         search.measure_noise_at(best)
         error = self._numerical_error(search, best, model)
         untilted = replace(error, tilt=None, checked="")
-        for _ in range(2):  # wider where the interval is open
+        for _ in range(2):  # wider if the interval is open
             places = intervals(model, search.noise, untilted, *responses.table(best.fidelity))
             ends = np.array([one.open_low or one.open_high for one in places])
             if not np.any(ends & (model.step < NEIGHBOURS.widest)):
@@ -117,7 +117,7 @@ class Workflow:
         return Findings(search, best, model, error, checked, binding)
 
     def _surroundings(self, search: Search, best: RunRequest) -> tuple[RunRequest, Quadratic]:
-        """Fit the runs about a best one; where another one there is better, search on from it."""
+        """Fit the runs around a best one; if another one there is better, continue from it."""
         responses = search.responses
         width = float(np.clip(4.0 * search.radius, NEIGHBOURS.least, NEIGHBOURS.widest))
         step = np.full(len(self.problem.variables), width)
@@ -142,7 +142,7 @@ class Workflow:
     ) -> Binding:
         """Return the constraints that limit the objective of the best run."""
         here, (_, seen) = search.responses.vector(best), search.responses.table(best.fidelity)
-        if search.violation(best) > 0.0:  # a run better than one that no run meets says nothing
+        if search.violation(best) > 0.0:  # if no run meets all constraints, better runs say nothing
             seen = seen[:0]
         off = np.maximum(error.below, error.above)[1:]
         return Binding.of(model, search.noise, here, seen, off)
@@ -150,12 +150,12 @@ class Workflow:
     def _numerical_error(
         self, search: Search, best: RunRequest, model: Quadratic
     ) -> NumericalError:
-        """The error of cost and margins, by the best run at the other levels."""
+        """Error of cost and margins, from the best run at the other levels."""
         responses = search.responses
         every = {word: RunRequest(best.values, word) for word in (*LEVELS, best.fidelity)}
         every = {word: one for word, one in every.items() if self._is_sound(one)}
         others = " and ".join(word for word in every if word != best.fidelity)
-        self.stage(f"numerical error: the best run on {others} cells, the last the dearest")
+        self.stage(f"numerical error: the best run on {others} cells, the last the most expensive")
         responses.fetch(list(every.values()))
         vectors = {word: responses.vector_or_nan(one) for word, one in every.items()}
         error = NumericalError.of(best.fidelity, vectors)
@@ -169,7 +169,7 @@ class Workflow:
         return error.with_tilt(best.fidelity, self._tilt(responses, best, model.step))
 
     def _tilt(self, responses: Responses, best: RunRequest, step: Array) -> Tilt:
-        """How the cost by the next level, less its own, changes about a best run."""
+        """Change of the cost at the next level relative to its own, around a best run."""
         shares = self.problem.shares(best)
         own = [self.problem.request(at) for at in [shares, *around(shares, step, (1,))]]
         next_level = [replace(one, fidelity=next_of(best.fidelity)) for one in own]
@@ -196,7 +196,7 @@ class Workflow:
         )
 
     def _is_sound(self, request: RunRequest) -> bool:
-        """Whether a case can be computed at a level: larger cells may not fit into its faces."""
+        """Whether a case is valid at a level: larger cells may not fit into its faces."""
         try:
             self.runs.case(request)
         except InputError:
@@ -205,7 +205,7 @@ class Workflow:
 
 
 class FrontSearch:
-    """Finds the front of two results after a first search, from where that began, shares (n,)."""
+    """Finds the front of two results after a first search, from its start, fractions (n,)."""
 
     def __init__(self, search: Search, start: Array) -> None:
         self._responses, self._start = search.responses, start
@@ -217,7 +217,7 @@ class FrontSearch:
         self._exhausted = False
 
     def run(self, best: RunRequest) -> Front:
-        """Return the front from the best run of the first result on."""
+        """Return the front, starting from the best run of the first result."""
         before = len(self._responses.seen)
         search = self._search(self._other)
         far = search.towards(self._start, best)
@@ -239,7 +239,7 @@ class FrontSearch:
         return Search(responses, len(responses.seen) + self._most)
 
     def _distance(self, one: RunRequest, other: RunRequest, found: Sequence[RunRequest]) -> float:
-        """How far two neighbours are apart, in spans of the front; 0 if noise hides it."""
+        """Distance of two neighbours, in spans of the front; 0 if below noise."""
         span = np.abs(self._pair(found[-1]) - self._pair(found[0]))
         step = np.abs(self._pair(one) - self._pair(other))
         if np.any(step <= 2.0 * np.array(self._noise)):  # nearer results count as equal
@@ -258,13 +258,13 @@ class FrontSearch:
         return found
 
     def _pair(self, request: RunRequest) -> Array:
-        """Both results of a run, less is better (2,), SI."""
+        """Both results of a run with the sign for minimisation (2,), SI."""
         return np.array([self._responses.cost(request), self._other.cost(request)])
 
     def _undominated(self, found: Sequence[RunRequest]) -> list[RunRequest]:
-        """Runs than which no other is better in one and no worse in both, in order.
+        """Runs that no other run dominates, in order.
 
-        What is better by no more than noise counts as equal.
+        Improvements within noise count as equal.
         """
         kept: list[RunRequest] = []
         for run in sorted(dict.fromkeys(found), key=lambda w: tuple(self._pair(w))):
@@ -298,7 +298,7 @@ def _result(responses: Responses, request: RunRequest, noise: float) -> FrontRes
 
 
 def _bound(name: str, sense: float, level: float) -> Bound:
-    """The constraint that a result, small or large by its sense, is no worse than a level, SI."""
+    """The constraint that a result is no worse than a level, SI, according to its sense."""
     sign, side = ("<=", "at_most") if sense > 0.0 else (">=", "at_least")
     text = f"{name} {sign} {level!r} (SI)"
     return Bound(text, repr(level), name, side, level, "", False)  # type: ignore[arg-type]

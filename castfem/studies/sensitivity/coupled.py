@@ -1,9 +1,8 @@
-"""Coupling windows that carry derivatives along, repeated as often as the windows are.
+"""Derivatives of coupling windows, through all their iterations.
 
-A window is repeated with another gap until it agrees with the one it leads to; each repetition is a
-step from the same committed state, and so is its derivative.  The gap that the next one gets
-is relaxed, and so is its derivative, that of the factor of relaxation included.  The number of
-repetitions is held.
+A window is iterated with changing gaps until it agrees with the resulting one; each iteration is a
+step from the same committed state, and so is its derivative. The next gap is relaxed, and so is its
+derivative, including that of the relaxation factor. The number of iterations is kept fixed.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class CoupledDerivatives(CouplingObserver):
-    """Derivatives of a strained slice, carried through its coupling windows."""
+    """Derivatives of a strained slice, through its coupling windows."""
 
     def __init__(
         self, simulation: Simulation, thermal: ThermalDerivatives, mechanical: MechanicalDerivatives
@@ -42,13 +41,14 @@ class CoupledDerivatives(CouplingObserver):
         count, owned = len(thermal.variations), simulation.section.owned
         nothing: Array = np.zeros((count, owned))
         self._warming: list[Array] = []  # of the committed temperatures
-        # Derivatives of the gap of the window, of the mean one it led to, of that at its begin.
+        # Derivatives of the gap of the window, of the resulting mean gap, and of the gap at its
+        # start.
         gap = self._coupling.gap
         gaps: Array = np.zeros((count, owned if gap is None else gap.count))
         self._gap = self._mean = self._begun = gaps
         self._ended: tuple[Sequence[Slopes], Array] = (), gaps
-        # Of what a window hands to the next: heat of viscoplastic work (J/m3, without entries where
-        # it is left out), and volume that is filled, over the undeformed one.
+        # Derivatives of what a window passes to the next: heat of viscoplastic work (J/m3, empty if
+        # it is left out), and filled volume relative to the undeformed one.
         self.warmed = self._warms = np.zeros((count, owned if self._coupling.dissipation else 0))
         self.filled = self._fills = nothing
         self._shape: ShapeChange | None = None
@@ -61,7 +61,7 @@ class CoupledDerivatives(CouplingObserver):
             self._shape.destroy()
 
     def mark(self, state: StrandState) -> None:
-        """Keep the derivatives of a committed state: a window that fails begins there again."""
+        """Keep the derivatives of a committed state, from which a failed window starts again."""
         assert state.mechanical is not None
         self.mechanical.mark()
         self._warming = self._thermal.warming(state.thermal)
@@ -69,7 +69,7 @@ class CoupledDerivatives(CouplingObserver):
         self.mechanical.look(state.mechanical)
 
     def restore(self, slopes: list[Slopes], warmed: Array, filled: Array) -> None:
-        """Go on from derivatives that have been saved."""
+        """Continue from saved derivatives."""
         self.mechanical.slopes = slopes
         self.warmed = self._warms = warmed
         self.filled = self._fills = filled
@@ -84,14 +84,14 @@ class CoupledDerivatives(CouplingObserver):
             self._begun = self._gap = self._gaps_at_start(old.mechanical)
 
     def _gaps_at_start(self, state: MechanicalState) -> Array:
-        """Derivatives of the gap of a committed state, with which the last window has ended."""
+        """Derivatives of the gap of a committed state, at the end of the last window."""
         (slopes, gaps), marked = self._ended, self.mechanical.marked
         if slopes is marked:
             return gaps
         assert self._coupling.gap is not None
         if all(marked):
             return self.mechanical.gaps(self._coupling.gap, marked, state)
-        # Nothing has touched the strand as it begins, but a wall may stand off it.
+        # Nothing touches the strand at its start, but a wall may be at a distance.
         its = self.mechanical.committed(state)
         return self.mechanical.gaps_of_motion(self._coupling.gap, its, state)
 
@@ -144,7 +144,7 @@ class CoupledDerivatives(CouplingObserver):
             self._warms = np.array([coupling.dissipation * one / area for one in work])
 
     def relaxed(self, relaxation: Relaxation) -> None:
-        """See `CouplingObserver`: the derivatives of the gap are relaxed as it is."""
+        """See `CouplingObserver`: the derivatives of the gap are relaxed like the gap."""
         now, factor = relaxation.residual, relaxation.factor
         assert now is not None
         slopes = np.where(relaxation.reached, self._mean - self._gap, 0.0)
@@ -176,15 +176,15 @@ class CoupledDerivatives(CouplingObserver):
 
 
 _BESIDE = ("pressure", "mechanical_temperature")
-"""Arrays of a state whose derivatives the next step does not ask for."""
+"""Arrays of a state whose derivatives the next step does not need."""
 _NUMBERS = ("generalized_strains", "scalars", "scalar_rate")
 _OF_WINDOW = ("warmed", "filled")
 
 
 class CoupledCheckpoint:
-    """Takes the derivatives of a run with mechanics apart, and puts them together again.
+    """Converts the derivatives of a run with mechanics for a checkpoint, and back.
 
-    The derivative of a state has the arrays of a state: it is taken apart as one is.
+    The derivative of a state has the arrays of a state, and is converted in the same way.
     """
 
     def __init__(self, derivatives: CoupledDerivatives, run: RunState) -> None:
@@ -193,7 +193,7 @@ class CoupledCheckpoint:
         self._section, self._state = run.simulation.section, run.state.mechanical
 
     def arrays(self) -> dict[str, Array | None]:
-        """The arrays, whole on rank 0, None elsewhere (collective)."""
+        """Arrays for a checkpoint, complete on rank 0, None elsewhere (collective)."""
         found: dict[str, Array | None] = {}
         for number, slopes in enumerate(self._derivatives.mechanical.committed(self._state)):
             its = self._checkpoint.arrays(with_numbers(self._state, slopes))
@@ -206,7 +206,7 @@ class CoupledCheckpoint:
         return found
 
     def description(self) -> dict[str, Any]:
-        """What of them is no array over the section."""
+        """The parts that are not arrays over the section."""
         mechanical = self._derivatives.mechanical
         slopes = mechanical.committed(self._state)
         return {
@@ -216,11 +216,11 @@ class CoupledCheckpoint:
 
     @staticmethod
     def is_whole(description: dict[str, Any]) -> bool:
-        """Whether all that a step begins with is in a checkpoint; earlier ones lack the rates."""
+        """Whether a checkpoint has everything a step needs; earlier ones lack the rates."""
         return all(name in numbers for numbers in description["slopes"] for name in _NUMBERS)
 
     def restore(self, description: dict[str, Any], by_node: dict[str, Array]) -> None:
-        """Go on from what `description` and, on every rank, `arrays` gave (collective)."""
+        """Restore from `description` and, on every rank, `arrays` (collective)."""
         found: list[Slopes] = []
         for number, numbers in enumerate(description["slopes"]):
             ending = f"_by_{number}"
@@ -242,7 +242,7 @@ class CoupledCheckpoint:
         self._derivatives.restore(found, *handed)
 
     def recall_kinks(self, description: dict[str, Any]) -> None:
-        """Take up what had been noted, and nothing that was noted since."""
+        """Restore the recorded kinks, dropping any recorded since."""
         self._derivatives.mechanical.kinks[:] = [
             Kink(**{**kink, "place": tuple(kink["place"])}) for kink in description["kinks"]
         ]

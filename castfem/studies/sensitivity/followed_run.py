@@ -1,4 +1,4 @@
-"""A run that is followed by its derivatives: what carries and keeps them, and its checkpoint."""
+"""A run with derivatives: their computation, recording and checkpoint."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ _SAVED = ("enthalpy", "rate")
 
 
 class Derivatives:
-    """All that is differentiated along with a run.
+    """All derivatives computed along with a run.
 
     Args:
-        simulation: The run, whose steps and windows these go along with from now on.
+        simulation: The run, whose steps and windows are differentiated from now on.
         variations: Its parameters.
 
     Attributes:
-        thermal: Of the temperatures.
-        coupled: Of the slice and its windows; None of a run without mechanics.
+        thermal: Derivatives of the temperatures.
+        coupled: Derivatives of the slice and its windows; None without mechanics.
     """
 
     def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
@@ -57,7 +57,7 @@ class Derivatives:
             simulation.coupling.observer = self.coupled
 
     def mark(self, state: StrandState) -> None:
-        """Keep the derivatives of a committed state: what fails begins there (collective)."""
+        """Keep the derivatives of a committed state, to restart failed steps (collective)."""
         self.thermal.mark(state.thermal)
         if self.coupled is not None:
             self.coupled.mark(state)
@@ -70,10 +70,10 @@ class Derivatives:
 
 
 def follow(simulation: Simulation, to: Sequence[str]) -> Derivatives:
-    """Let the steps of a simulation carry derivatives by some parameters (collective).
+    """Differentiate the steps of a simulation with respect to some parameters (collective).
 
     Raises:
-        InputError: With all parameters that cannot be used, a line each.
+        InputError: Some parameters cannot be used; all of them, one line each.
     """
     variations: list[Variation] = []
     problems: list[str] = []
@@ -88,7 +88,7 @@ def follow(simulation: Simulation, to: Sequence[str]) -> Derivatives:
 
 
 class Recorder:
-    """Follows the committed steps: for results that hang on the way, and for checkpoints."""
+    """Processes committed steps, for results that depend on the history, and checkpoints."""
 
     def __init__(
         self,
@@ -102,11 +102,11 @@ class Recorder:
 
     @cached_property
     def _physics(self) -> dict[str, str]:
-        """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
+        """The constant part of this run's checkpoints: its case (rank 0)."""
         return self.simulation.case.physics_record()
 
     def unsampled(self, run: RunState) -> bool:
-        """Take in a committed step if nobody asks for its results; whether so (collective)."""
+        """Process a committed step if its results are not needed; return if so (collective)."""
         last = run.state.time >= self.simulation.control.end
         if self.path is not None or self.readings.reads_all or last:
             return False
@@ -114,7 +114,7 @@ class Recorder:
         return True
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Take in one committed step, and save a checkpoint in turn (collective)."""
+        """Process a committed step, and save a checkpoint when due (collective)."""
         self.derivatives.mark(run.state)
         self.readings.follow(sample)
         if self.path is not None and self._every and run.counts.taken % self._every == 0:
@@ -152,17 +152,17 @@ class Recorder:
         on_root(self.simulation.section.comm, write)
 
     def resume(self, run: RunState) -> None:
-        """Go on from the checkpoint (collective).
+        """Continue from the checkpoint (collective).
 
         Raises:
-            InputError: There is none, or it is of another case or of other parameters, or an
-                earlier castfem wrote it with fewer derivatives.
+            InputError: There is none, it belongs to another case or other parameters, or an earlier
+                castfem wrote it with fewer derivatives.
         """
         comm, path = self.simulation.section.comm, self.path
         assert path is not None
         if lost := self.readings.of_tearing():
             raise InputError(
-                f"{path}: holds no derivatives of {lost[0]}, which hangs on the whole section in "
+                f"{path}: holds no derivatives of {lost[0]}, which depends on the whole section in "
                 "all steps; run without --resume"
             )
         read = on_root(comm, lambda: load_checkpoint(path, **self._physics))
@@ -187,7 +187,7 @@ class Recorder:
         if (coupled := self._coupled(run)) is not None:
             if not coupled.is_whole(meta["coupled"]):
                 raise InputError(
-                    f"{path}: an earlier castfem wrote it, without the derivatives of the rates; "
+                    f"{path}: written by an earlier castfem, without the derivatives of the rates; "
                     "run without --resume"
                 )
             coupled.restore(meta["coupled"], by_node)
@@ -195,7 +195,7 @@ class Recorder:
             coupled.recall_kinks(meta["coupled"])
 
     def _coupled(self, run: RunState) -> CoupledCheckpoint | None:
-        """For the derivatives of the slice; None of a run without."""
+        """Checkpoint converter for the derivatives of the slice; None without mechanics."""
         if self.derivatives.coupled is None:
             return None
         from castfem.studies.sensitivity.coupled import CoupledCheckpoint

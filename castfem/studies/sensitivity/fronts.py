@@ -1,10 +1,11 @@
-"""Derivatives along the way of a front: of depths, evened out over its cells, and their errors.
+"""Derivatives of depths of a front, smoothed over its cells, and their errors.
 
-On a mesh a front goes by steps: a vertex cools fast once all round it is solid, then the next.  A
-depth is a staircase, right to a sixth of a cell, but its slope is that of a tread or of a riser,
-by a parameter as well as in time.  In the mean over whole cells the slope is that of the front.  So
-the derivative of a depth is followed from step to step, and a straight line over the depth is laid
-through those of the last cells; the value at its end is reported (docs/sensitivity.md).
+On a mesh a front advances in steps: a vertex cools fast once all its neighbours are solid, then the
+next. A depth is a staircase, accurate to a sixth of a cell, but its slope is that of a tread or of
+a riser, with respect to a parameter as well as in time. Averaged over whole cells the slope is that
+of the front. So the derivative of a depth is recorded from step to step, and a straight line over
+the depth is fitted to those of the last cells; its value at the end is reported
+(docs/sensitivity.md).
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ from castfem.studies.sensitivity.perturbed_simulation import Variation
 from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 LEVELS = {"shell": "solidus", "liquidus_depth": "liquidus"}
-"""Results that are depths of an isotherm, and whose."""
+"""Results that are depths of an isotherm, with that isotherm."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrontLimits:
-    """How steps of a front and the scatter of readings are evened out."""
+    """Settings of the smoothing of fronts and the scatter of readings."""
 
-    cells: float = 12.0  #: cells over which a line is laid
-    least: float = 4.0  #: cells that the front must have passed
-    fewest: int = 8  #: steps, or readings, with which a line is laid
-    apart: float = 0.25  #: growth of the shell from one reading to the next, in cells
-    times: float = 2.5  #: error over the scatter (rms): nine of ten differences of runs lie within
+    cells: float = 12.0  #: cells over which a line is fitted
+    least: float = 4.0  #: smallest number of cells that the front must have passed
+    fewest: int = 8  #: smallest number of steps, or readings, for a line
+    apart: float = 0.25  #: growth of the shell between two readings, in cells
+    times: float = 2.5  #: error over the scatter (rms): nine of ten differences of runs are within
     powers: int = 2  #: degree of the smooth curve
 
 
@@ -42,14 +43,14 @@ FRONTS = FrontLimits()
 
 @dataclass(slots=True)
 class Front:
-    """A depth along the steps of one zone."""
+    """A depth in the steps of one zone."""
 
-    zone: int = -1  #: index of the cooling
+    zone: int = -1  #: index of the cooling zone
     #: depth, size of the cell there (m), and derivatives by each parameter, of each step
     rows: list[list[float]] = field(default_factory=list)
 
     def add(self, zone: int, depth: float, cell: float, slopes: Sequence[float]) -> None:
-        """Take in a step; what lies too far back is dropped."""
+        """Process a step; steps too far back are dropped."""
         if zone != self.zone:
             self.zone, self.rows = zone, []
         if not np.isfinite(cell) or not np.isfinite(slopes).all():
@@ -69,17 +70,17 @@ class Front:
         line = np.column_stack([np.ones(len(table)), (depth - depth[-1]) / cell])
         found = np.linalg.lstsq(line, slopes, rcond=None)[0]
         rest = slopes - line @ found
-        free = max(np.ptp(depth) / cell - 2.0, 1.0)  # steps on one tread are no news
+        free = max(np.ptp(depth) / cell - 2.0, 1.0)  # steps on one tread are not independent
         scatter = np.sqrt(np.mean(rest**2, axis=0) * np.linalg.inv(line.T @ line)[0, 0])
         return found[0], scatter * np.sqrt(len(table) / free)
 
 
 class Fronts:
-    """Follows the depths that are asked for.
+    """Records the requested depths.
 
     Args:
-        derivatives: Of the temperatures.
-        wanted: Kind of depth, of `LEVELS`, and probe of each.
+        derivatives: Derivatives of the temperatures.
+        wanted: Kind of depth, from `LEVELS`, and probe of each.
     """
 
     def __init__(self, derivatives: ThermalDerivatives, wanted: Sequence[tuple[str, str]]) -> None:
@@ -87,7 +88,7 @@ class Fronts:
         self.fronts = {one: Front() for one in wanted}
 
     def follow(self, zone: int, sample: Sample) -> None:
-        """Take in a committed step in a zone (collective)."""
+        """Process a committed step in a zone (collective)."""
         if not self.fronts:
             return
         probes = sample.simulation.probes
@@ -106,7 +107,7 @@ class Fronts:
             front.add(zone, profile.isotherm_depth(level), profile.cell_at(level), slopes)
 
     def _along(self, probes: LineProbes, sample: Sample, warming: Array) -> dict[str, Array]:
-        """Derivative of the temperature along every line, interpolated as conduction has it."""
+        """Derivative of the temperature along every line, interpolated like conduction."""
         state = sample.state.thermal
         law = probes.conducts
         if law is None or law.even:
@@ -116,11 +117,11 @@ class Fronts:
         return {name: v / k(sample.profiles[name].temperature) for name, v in along.items()}
 
     def memory(self) -> list[list[object]]:
-        """What a checkpoint must hold."""
+        """Data for a checkpoint."""
         return [[front.zone, front.rows] for front in self.fronts.values()]
 
     def recall(self, memory: Sequence[Sequence[object]]) -> None:
-        """Take up what `memory` gave."""
+        """Restore `memory`."""
         for front, (zone, rows) in zip(self.fronts.values(), memory, strict=True):
             front.zone, front.rows = int(zone), [list(row) for row in rows]  # type: ignore
 
@@ -136,7 +137,7 @@ def _level_slope(variation: Variation, kind: str) -> float:
 
 
 def _slope(profile: Profile, level: float, warming: Array, of_level: float) -> float:
-    """Derivative of the depth of a level along a line, m per unit; NaN where it does not lie."""
+    """Derivative of the depth of a level along a line, m per unit; NaN if it is not on it."""
     hot = profile.temperature >= level
     i = int(np.argmax(hot))
     if i == 0:
@@ -150,17 +151,17 @@ def _slope(profile: Profile, level: float, warming: Array, of_level: float) -> f
 
 @dataclass(slots=True)
 class Scatter:
-    """The error of a derivative: how far it is scattered while the shell grows through the cells.
+    """The error of a derivative: its scatter while the shell grows through the cells.
 
-    With the steps of a front go shell, temperatures, stress and gap, and their derivatives rise and
-    fall from cell to cell. Runs whose parameter differs have their fronts at other places within a
-    cell, so that a difference of two of them has about the scatter that a single run has on its
-    way. The derivatives are read each time the shell has grown by a part of a cell; what a smooth
-    curve leaves of them over the last cells is their scatter (docs/sensitivity.md has it beside
+    Shell, temperatures, stress and gap vary with the steps of a front, and their derivatives rise
+    and fall from cell to cell. Runs with different parameters have their fronts at different places
+    within a cell, so that a difference of two runs has about the scatter of a single run along its
+    way. The derivatives are read each time the shell has grown by a part of a cell; their deviation
+    from a smooth curve over the last cells is their scatter (docs/sensitivity.md compares it with
     differences of runs).
     """
 
-    zone: int = -1  #: index of the cooling
+    zone: int = -1  #: index of the cooling zone
     #: depth of the shell, size of the cell there (m), and all derivatives, of each reading
     rows: list[list[float]] = field(default_factory=list)
 
@@ -173,12 +174,12 @@ class Scatter:
         return not self.rows or abs(depth - self.rows[-1][0]) >= FRONTS.apart * cell
 
     def add(self, depth: float, cell: float, slopes: Sequence[float]) -> None:
-        """Take in a reading; what lies too far back is dropped."""
+        """Add a reading; readings too far back are dropped."""
         self.rows.append([depth, cell, *slopes])
         self.rows = [row for row in self.rows if abs(row[0] - depth) <= FRONTS.cells * cell]
 
     def errors(self, count: int) -> Array:
-        """Errors of all derivatives (count,), NaN where there are too few readings of one."""
+        """Errors of all derivatives (count,), NaN with too few readings of one."""
         found = np.full(count, np.nan)
         if len(self.rows) < FRONTS.fewest:
             return found

@@ -1,8 +1,8 @@
 """The law at the points of a slice, differentiated by all parameters at once.
 
-The coefficients of the law hang on temperature and parameter.  By temperature they are
-differentiated once for all parameters; by a parameter at held temperatures, where its law is not
-that of the run.
+The coefficients of the law depend on temperature and parameter. They are differentiated by
+temperature once for all parameters, and by a parameter at constant temperature if it changes the
+law.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ from castfem.studies.sensitivity.step_inputs import Beginning
 
 
 class LawChanges:
-    """The law at the points with stress, in a step that a run has taken.
+    """The law at the points with stress, in a step of the run.
 
-    It is given what `linearised_step.LinearisedStep` is, and the strain increments there (m, 4).
+    It takes the arguments of `linearised_step.LinearisedStep`, and the strain increments there (m,
+    4).
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class LawChanges:
         self._held = self._rise = ResponseChange.empty(0, 0, 0)
 
     def _rows(self, changes: Iterable[Array]) -> Array:
-        """Changes by the parameters (k, ...), and none along the directions behind them."""
+        """Changes by the parameters (k, ...), and zero along the additional directions."""
         given = list(changes)
         return np.array([*given, *(np.zeros_like(given[0]) for _ in range(self._ways))])
 
@@ -92,16 +93,16 @@ class LawChanges:
         return now[1] - now[0], changes
 
     def _part(self, rows: slice, elastic: bool) -> tuple[slice, Law, Array, Array]:
-        """The points of one rule; where the mean stress alone counts, the law is its elasticity.
+        """The points of one rule; where only the mean stress counts, the law is its elasticity.
 
         Returns:
-            These points, their law, its coefficients (n, columns), and how they change with all
-            that is given (k, n, columns).
+            These points, their law, its coefficients (n, columns), and their derivatives by all
+            input (k, n, columns).
         """
         law, fed = _of_part(self._run.slice.law, elastic), self._here.fed
         before, after = (one[rows] for one in self._stiff)
-        # At the temperatures there are, warmer and colder at the start, warmer and colder at the
-        # end: in one go, for there are few points.
+        # At the present temperatures, warmer and colder at the start, warmer and colder at the end:
+        # in one call, since there are few points.
         starts = [before, before + DIFFERENCES.warmer, before - DIFFERENCES.warmer, before, before]
         ends = [after, after, after, after + DIFFERENCES.warmer, after - DIFFERENCES.warmer]
         every = law.coefficients(np.concatenate(starts), np.concatenate(ends))
@@ -126,10 +127,10 @@ class LawChanges:
         return rows, law, now, changes
 
     def held(self, strain: Array) -> ResponseChange:
-        """Derivatives of what the law answers by all parameters, while the unknowns are held.
+        """Derivatives of the response by all parameters at constant unknowns.
 
         Args:
-            strain: Of the strain increments (k, m, 4).
+            strain: Derivatives of the strain increments (k, m, 4).
         """
         count, here, thermal = len(strain), self._here, self._thermal_changes
         found = ResponseChange.empty(count + self._ways, len(here.rows), here.internal.shape[1])
@@ -158,11 +159,11 @@ class LawChanges:
         return self._held
 
     def moved(self, strain: Array, some: list[int] | slice) -> ResponseChange:
-        """The same by some of the parameters, with which the unknowns move, once `held` is known.
+        """The same by some of the parameters with moving unknowns, once `held` is known.
 
         Args:
-            strain: Of the strain increments (k, m, 4).
-            some: Of these k parameters.
+            strain: Derivatives of the strain increments (k, m, 4).
+            some: Indices of these k parameters.
         """
         held, rise = self._held.some(some), self._rise
         more = strain - self._strain_held[some]
@@ -175,11 +176,11 @@ class LawChanges:
 
 
 def _directions(law: Law, stress: Array) -> Array:
-    """Strains (d, n, 4) by which a law is differentiated beside the parameters, to follow a motion.
+    """Strains (d, n, 4) in which a law is also differentiated, to follow a motion.
 
-    The stress follows by its tangent.  Of an isotropic law the rest goes by the length of the trial
-    deviator alone, which grows by what strain there is along the stress deviator; one with a back
-    stress turns its flow with the strain.
+    The stress follows from its tangent. For an isotropic law the rest depends only on the length of
+    the trial deviator, which grows with the strain along the stress deviator; a law with a back
+    stress also turns its flow with the strain.
     """
     if not law.symmetric:
         return np.repeat(np.eye(4)[:, None], len(stress), axis=1)
@@ -190,12 +191,12 @@ def _directions(law: Law, stress: Array) -> Array:
 
 
 def _softened(table: Array, fed: FedPoints | None, rows: slice) -> Array:
-    """Coefficients at some of the points, with the stand-in for liquid that is fed."""
+    """Coefficients at some of the points, with the stiffness used for fed liquid."""
     if fed is not None:
         fed.soften(rows, table)
     return table
 
 
 def _of_part(law: Law, elastic: bool) -> Law:
-    """A law, or its elasticity alone."""
+    """A law, or only its elasticity."""
     return ThermoElastic(law.elasticity) if elastic else law

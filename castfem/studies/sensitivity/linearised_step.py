@@ -1,8 +1,8 @@
-"""A step of the slice, linearised: what all parameters put out of balance, at once.
+"""A step of the slice, linearised for all parameters at once.
 
-R(x; s, p) is linear in stress, pressure and traction.  Their derivatives come from both sides of a
-parameter (`castfem.studies.sensitivity.perturbed_slices`) or, contact's, by the chain rule; their
-forces are those of sparse operators, for all parameters together.  The last axis of arrays counts
+R(x; s, p) is linear in stress, pressure and traction. Their derivatives come from both sides of a
+parameter (`castfem.studies.sensitivity.perturbed_slices`) or, for contact, from the chain rule;
+their forces come from sparse operators, for all parameters together. The last axis of arrays counts
 parameters.
 """
 
@@ -28,24 +28,24 @@ from castfem.studies.sensitivity.step_inputs import Beginning, Slopes
 
 
 def summed(run: MechanicalProblem, local: Array) -> Array:
-    """Contributions of all ranks to forces (dofs, k), at the owned unknowns (collective)."""
+    """Sum contributions of all ranks to forces (dofs, k), at the owned unknowns (collective)."""
     if run.section.comm.size == 1:
         return local
     return np.array([dof_values.summed(run.space, column) for column in local.T]).T
 
 
 class GivenStep:
-    """Derivatives of what a step is given, from what `linearised_step.LinearisedStep` is.
+    """Derivatives of the input of a step, from the arguments of `linearised_step.LinearisedStep`.
 
     Attributes:
-        displacement: At the start (dofs, k), m.
+        displacement: Displacement at the start (dofs, k), m.
         strains: Generalized strains at the start (4, k).
         scalars: Scaled scalars at the start (free, k), m.
-        offset: Generalized strains that are imposed at the end (4, k).
-        load: On the planes (free, k), N/m.
-        drag: Of what holds them before there is a shell (k,), N/m per m.
-        fixed: What is prescribed, by supports and of deep liquid (owned, k), m.
-        young: Of the modulus that springs are measured by (k,), Pa; None without springs.
+        offset: Imposed generalized strains at the end (4, k).
+        load: Load on the planes (free, k), N/m.
+        drag: Restraint of the planes before there is a shell (k,), N/m per m.
+        fixed: Prescribed displacements, of supports and deep liquid (owned, k), m.
+        young: Modulus of the springs (k,), Pa; None without springs.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class GivenStep:
         return found
 
     def _stiffest(self) -> Array:
-        """Derivative of the largest Young's modulus, where it is."""
+        """Derivative of the largest Young's modulus, at its place."""
         run, here = self._run, self._pairs[0][1].points[1]
         young = run.slice.law.elasticity.moduli(here)[2]
         at = np.array([np.argmax(young)] if len(here) else [], np.int64)
@@ -125,7 +125,7 @@ class GivenStep:
         return found
 
     def contact(self, contact: LinearisedContact) -> GivenChanges:
-        """What contact is given beside the motion at the end of the step."""
+        """Derivatives of the contact's input other than the motion at the end of the step."""
         wall = self._run.contact
         assert wall is not None
         found = GivenChanges.none(wall.facets.count, self.count)
@@ -137,7 +137,7 @@ class GivenStep:
         return found
 
     def pressed(self) -> tuple[Array, Array] | None:
-        """Change of the forces by the pressure of the liquid (collective); None without pressure.
+        """Derivatives of the forces by the liquid's pressure (collective); None without it.
 
         Returns:
             Forces of the owned unknowns (owned, k), N/m; work on each generalized strain (4, k).
@@ -176,17 +176,17 @@ class GivenStep:
 
 
 Some = list[int] | slice
-"""Numbers of some of the parameters, or all."""
+"""Indices of some of the parameters, or all."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutOfBalance:
-    """What parameters put out of balance."""
+    """Residuals caused by parameters."""
 
     rights: Array  #: per unit of each, with the sign of a load (k, local), N/m
-    rounding: Array  #: what of that may be rounding (k,), N/m
-    #: of each, of what the next step takes up but the displacement; while the unknowns are held, of
-    #: those alone that put nothing out of balance on this rank
+    rounding: Array  #: rounding of these (k,), N/m
+    #: derivatives for the next step by each parameter, without displacement; at constant unknowns
+    #: only for parameters without a residual on this rank
     slopes: list[Slopes]
 
 
@@ -194,30 +194,30 @@ class OutOfBalance:
 class Moved:
     """Derivatives of the motion at the end of a step."""
 
-    nodal: Array  #: displacement of this rank's nodes, ghosts included (dofs, k), m
+    nodal: Array  #: displacement of this rank's nodes, including ghosts (dofs, k), m
     scalars: Array  #: scaled scalars (free, k), m
     strains: Array  #: generalized strains (4, k)
 
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """Derivatives of what the laws answer to a motion, by each parameter."""
+    """Derivatives of the responses of the laws to a motion, by each parameter."""
 
     inside: ResponseChange  #: at the points with stress
-    surface: list[ResponseChange]  #: at those of the surface, for Nitsche's method; none without
+    surface: list[ResponseChange]  #: at those of the surface, for Nitsche's method; empty without
 
 
 class LinearisedStep:
-    """A step that has been kept, with the sides of some parameters.
+    """An accepted step, with the sides of some parameters.
 
     Args:
         run: The equilibrium of the run, at the solution.
         forces: Its operators.
-        sides: Of each parameter.
-        begun: What they begin with.
+        sides: Sides of each parameter.
+        begun: Their derivatives at the start.
 
     Attributes:
-        given: What the step is given by the parameters.
+        given: Derivatives of the input of the step.
     """
 
     def __init__(
@@ -233,7 +233,7 @@ class LinearisedStep:
         self._old, self._stressed, self._local = begun[0].old, begun[0].stressed, state.local
         largest = reductions.largest(run.section.comm, np.abs(state.forces))
         spans = np.array([one.span for one in sides])
-        self._noise, self._spans = 2e-12 * largest, spans  # of the forces in the slice
+        self._noise, self._spans = 2e-12 * largest, spans  # rounding of the forces in the slice
         for one, its in zip(sides, begun, strict=True):
             one.begin(its)
         self.given = GivenStep(run, forces, sides, begun)
@@ -251,13 +251,13 @@ class LinearisedStep:
         self._pressed = self.given.pressed()
 
     def evaluate(self, moves: Array | None, numbers: list[int]) -> OutOfBalance:
-        """What some of the parameters put out of balance (collective).
+        """Residuals caused by some of the parameters (collective).
 
         Args:
-            moves: How the unknowns move with them (k, local); None while they are held.
-            numbers: Of these parameters.
+            moves: Derivatives of the unknowns (k, local); None at constant unknowns.
+            numbers: Indices of these parameters.
         """
-        # All of them, as a rule: arrays are then looked at, not copied.
+        # Usually all of them: arrays are then views, not copies.
         some = slice(None) if len(numbers) == len(self._sides) else numbers
         moved = self._moved(moves, some)
         answers = self._answers(moved, numbers, some, held=moves is None)
@@ -279,7 +279,7 @@ class LinearisedStep:
         return OutOfBalance(rights, rounding, slopes)
 
     def _moved(self, moves: Array | None, some: Some) -> Moved:
-        """The motion that goes with moves of the unknowns; that of the planes alone without."""
+        """The motion for derivatives of the unknowns; without these only that of the planes."""
         run, free = self._run, len(self.given.scalars)
         offset = self.given.offset[:, some]
         count = offset.shape[1]
@@ -294,7 +294,7 @@ class LinearisedStep:
         return Moved(nodal, scalars, strains)
 
     def _answers(self, moved: Moved, numbers: list[int], some: Some, *, held: bool) -> Answers:
-        """What the laws of all sides answer to the motion."""
+        """Responses of the laws of all sides to the motion."""
         given, wall = self.given, self._run.contact
         change = moved.nodal - given.displacement[:, some]
         strains = moved.strains - given.strains[:, some]
@@ -309,7 +309,7 @@ class LinearisedStep:
         return Answers(inside, surface)
 
     def _borne(self, stresses: Array) -> tuple[Array, Array]:
-        """Forces (owned, k), work (4, k) of stresses (k, m, 4) at the points that have any, N/m."""
+        """Forces (owned, k), work (4, k) of stresses (k, m, 4) at the points with stress, N/m."""
         stress = np.zeros((len(stresses), self._run.active.count, 4))
         stress[:, self._stressed.kept] = stresses
         forces, work = self._forces.of_stress(stress)
@@ -333,7 +333,7 @@ class LinearisedStep:
         return contact.changes(given.of(some), places, stress, liquid)
 
     def _rights(self, held: bool, moved: Moved, nodal: Array, work: Array, some: Some) -> Array:
-        """What is out of balance, with the sign of a load (k, local), N/m (collective)."""
+        """Residuals with the sign of a load (k, local), N/m (collective)."""
         run, given, planes = self._run, self.given, self._run.planes
         balance = planes.scaled.test_directions.T @ work - given.load[:, some]
         balance += np.outer(run.bordered.share(self._local) - planes.begun, given.drag[some])
@@ -353,7 +353,7 @@ class LinearisedStep:
     def _slopes(
         self, i: int, moved: Moved, answers: Answers, touched: ContactChanges | None
     ) -> Slopes:
-        """Derivatives that the next step begins with, without displacement and rates."""
+        """Derivatives at the start of the next step, without displacement and rates."""
         run, old, here, law = self._run, self._old, self._stressed, answers.inside
         dissipation = np.zeros(run.points.deviator_points)
         dissipation[here.rows[: here.deviators]] = law.dissipation[i, : here.deviators]

@@ -1,15 +1,16 @@
-"""Derivatives of the strained slice, carried through each mechanical step.
+"""Derivatives of the strained slice, through each mechanical step.
 
-A step solves R(x; s, p) = 0 for the unknowns x, displacement and free generalized strains, s being
-the state it begins with (stress, what the law remembers, displacement), p a parameter.  So
+A step solves R(x; s, p) = 0 for the unknowns x, displacement and free generalized strains, where s
+is the initial state (stress, state variables of the law, displacement) and p a parameter. So
 
     J dx/dp = - dR/dp at held x,     dR/dp = dR/ds ds/dp + dR/dp,
 
-J the consistent tangent at the end of the step, factored once.  On the right are the forces of
-derivatives of stress, pressure and traction (`castfem.studies.sensitivity.linearised_step`).  Those
-of the law are taken at held unknowns first, with the derivatives of the state; taken once more
-where x moves with p they give stress and memory, and so ds/dp at the end.  Points that flow go on
-flowing, elastic ones stay elastic, liquid stays liquid.  All parameters are solved for at once.
+with J the consistent tangent at the end of the step, factored once. The right-hand side has the
+forces from derivatives of stress, pressure and traction
+(`castfem.studies.sensitivity.linearised_step`). Those of the law are first evaluated at constant
+unknowns, with the derivatives of the state; evaluated again with x moving with p they give stress
+and state variables, and so ds/dp at the end. Points keep their status: flowing, elastic or liquid.
+All parameters are solved for at once.
 """
 
 from __future__ import annotations
@@ -41,16 +42,16 @@ from castfem.studies.sensitivity.step_inputs import Beginning, Slopes, Stressed,
 
 @dataclass(frozen=True, slots=True)
 class StepTolerances:
-    """Differences and corrections of a mechanical step that is differentiated."""
+    """Differences and corrections of a differentiated mechanical step."""
 
-    narrow: float = 5e-2  #: distance of the sides of a parameter, over its step
-    #: what may be out of balance, over the largest derivative of stress or of pressure
+    narrow: float = 5e-2  #: distance of the sides of a parameter, relative to its step
+    #: allowed residual, relative to the largest derivative of stress or pressure
     stress: float = 1e-4
-    first: float = 1e-5  #: the same before anything is corrected
-    #: what may be out of balance where nothing touches, over the right-hand side
+    first: float = 1e-5  #: the same before any correction
+    #: allowed residual without contact, relative to the right-hand side
     free: float = 1e-7
-    stale: float = 0.1  #: what a correction must leave less of; what remains else is rounding
-    solves: int = 5  #: solutions with one tangent at most
+    stale: float = 0.1  #: reduction that a correction must achieve; otherwise the rest is rounding
+    solves: int = 5  #: largest number of solutions with one tangent
 
 
 TOLERANCES = StepTolerances()
@@ -63,26 +64,26 @@ def lengthened(variation: Variation, begin: float, end: float) -> float:
 
 @dataclass(slots=True)
 class Following:
-    """A parameter's part in a step, while its derivatives are sought."""
+    """State of a parameter while its derivatives are computed in a step."""
 
-    right: Array  #: what is out of balance per unit of it, with the sign of a load (local,), N/m
-    whole: float  #: largest of it at held unknowns
-    #: what was out of balance after the last solution; without bounds before one
+    right: Array  #: residual per unit of it, with the sign of a load (local,), N/m
+    whole: float  #: largest residual at constant unknowns
+    #: residual after the last solution; inf before one
     left: float = np.inf
-    rounding: float = 0.0  #: what of `right` may be that, N/m
+    rounding: float = 0.0  #: rounding of `right`, N/m
 
 
 class MechanicalDerivatives:
     """Derivatives of the mechanical state by each parameter.
 
     Args:
-        simulation: The run, whose slice is strained by temperatures that do not feel it.
+        simulation: The run, in which temperatures do not depend on the mechanics.
         variations: Its parameters.
 
     Attributes:
-        slopes: Of `CARRIED`, per unit of each parameter; none before a step.
+        slopes: Derivatives of `CARRIED`, per unit of each parameter; empty before a step.
         marked: Those of the committed state.
-        kinks: Where contact was about to change, one for each window and parameter that has any.
+        kinks: Where contact was about to change, one per window and parameter.
     """
 
     def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
@@ -99,11 +100,11 @@ class MechanicalDerivatives:
         self.kinks: list[Kink] = []
 
     def mark(self) -> None:
-        """Keep the derivatives of a committed state: a window that fails begins there again."""
+        """Keep the derivatives of a committed state, from which a failed window starts again."""
         self.marked = self.slopes
 
     def committed(self, state: MechanicalState) -> list[Slopes]:
-        """The derivatives of the committed state; zeros where there is none yet."""
+        """The derivatives of the committed state; zeros if there are none yet."""
         return [slopes or none_of(state) for slopes in self.marked]
 
     def _slice(self, variation: Variation, by: float) -> Slice:
@@ -124,7 +125,7 @@ class MechanicalDerivatives:
         return SliceSides(self._problem, (above, below), by, same)
 
     def _give_mechanics(self, variation: Variation, end: Varied, by: float) -> None:
-        """Let results be read off the slice on one side."""
+        """Give the simulation on one side its slice, so that results can be sampled."""
         its = end.simulation
         strained = self._problem.of_slice(self._made(its, variation.parameter, by))
         end.simulation = replace(its, strained=strained)
@@ -132,7 +133,7 @@ class MechanicalDerivatives:
     def _made(self, its: Simulation, parameter: Parameter, by: float) -> Slice:
         """The slice of a simulation in which a parameter is moved.
 
-        What the parameter leaves as it is in the run is that of the run, and known by that.
+        Parts that the parameter does not change are the objects of the run, and recognised by that.
         """
         case, run, held = its.case, self._simulation.case, self._problem.slice
         assert case.mechanics is not None
@@ -150,12 +151,12 @@ class MechanicalDerivatives:
         return made
 
     def gaps(self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState) -> Array:
-        """Derivatives of the gaps that heat crosses by each parameter (k, gaps), m (collective).
+        """Derivatives of the gaps for heat transfer by each parameter (k, gaps), m (collective).
 
         Args:
-            gap: Measures it.
-            slopes: Of a state that a step has come to, by each parameter.
-            state: Whose gap it is.
+            gap: Computes it.
+            slopes: Derivatives of a new state by each parameter.
+            state: State of the gap.
         """
         assert state.contact is not None
         name, none = f"{CONTACT}gap", np.zeros_like(state.contact.gap)
@@ -165,7 +166,7 @@ class MechanicalDerivatives:
     def gaps_of_motion(
         self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState
     ) -> Array:
-        """The same of a state of which the motion alone is known, as `going_on` gives it."""
+        """The same for a state of which only the motion is known, as from `going_on`."""
         wall = self._problem.contact
         assert wall is not None
         position = wall.contact.position(state.time)
@@ -184,7 +185,7 @@ class MechanicalDerivatives:
         return self._crossed(gap, place.gap, changes)
 
     def _crossed(self, gap: SurfaceGap, here: Array, changes: Array) -> Array:
-        """From changes of the gap at the points (k, n) to those of what heat crosses (k, gaps)."""
+        """Convert changes of the gap at the points (k, n) to those for heat transfer (k, gaps)."""
         now = gap.across(here)
         open_ = (now > 0.0) & np.isfinite(now)
         found = np.zeros((len(changes), gap.count))
@@ -193,9 +194,9 @@ class MechanicalDerivatives:
         return found
 
     def look(self, state: MechanicalState) -> None:
-        """Note where contact is about to change in a committed state (collective).
+        """Record where contact is about to change in a committed state (collective).
 
-        Within the step of its difference quotients a parameter has a derivative to each side there.
+        There, within the step of its difference quotients, a parameter has one-sided derivatives.
         """
         contact, comm = self._problem.contact, self._simulation.section.comm
         if contact is None or contact.now is None or state.contact is None:
@@ -221,13 +222,13 @@ class MechanicalDerivatives:
         self, old: MechanicalState, state: MechanicalState, before: Sequence[Array],
         after: Sequence[Array],
     ) -> None:  # fmt: skip
-        """Carry the derivatives through a step that has been kept (collective).
+        """Differentiate an accepted step (collective).
 
         Args:
-            old: The state it began with.
-            state: At its end.
+            old: State at its start.
+            state: State at its end.
             before: Derivative of the temperatures at its start by each parameter (owned,), K.
-            after: At its end.
+            after: Derivative at its end.
         """
         problem = self._problem
         assert problem.residual_state is not None
@@ -268,7 +269,7 @@ class MechanicalDerivatives:
         self, old: MechanicalState, state: MechanicalState, before: Sequence[Array],
         after: Sequence[Array],
     ) -> list[Beginning]:  # fmt: skip
-        """What a step begins with, by each parameter (collective)."""
+        """Data at the start of a step, by each parameter (collective)."""
         problem, committed, found = self._problem, self.committed(old), []
         points = problem.at_points(old.temperature), problem.at_points(state.temperature)
         stressed = Stressed.of(problem, old, state, points)
@@ -283,7 +284,7 @@ class MechanicalDerivatives:
         return found
 
     def _at_vertices(self, owned: Sequence[Array]) -> Array:
-        """Values at this rank's vertices, ghosts included, of several (n, owned) (collective)."""
+        """Values at this rank's vertices, including ghosts, for several (n, owned) (collective)."""
         space = self._problem.section.vertex_space
         return np.array([dof_values.with_ghosts(space, values) for values in owned])
 
@@ -295,10 +296,10 @@ class MechanicalDerivatives:
 
         Args:
             variation: The parameter.
-            old: The state the step began with.
-            state: At its end.
+            old: State at the start of the step.
+            state: State at its end.
             start: Derivatives of the old state.
-            slopes: Of the state, its displacement and scalars among them.
+            slopes: Derivatives of the state, including displacement and scalars.
         """
         dt, longer = state.time - old.time, lengthened(variation, old.time, state.time)
         owned = slice(0, self._problem.owned)
@@ -310,11 +311,11 @@ class MechanicalDerivatives:
         }
 
     def going_on(self, old: MechanicalState, end: float) -> list[Slopes]:
-        """Derivatives of the place of a committed state that goes on moving (collective).
+        """Derivatives of the motion of a committed state extrapolated in time (collective).
 
         Args:
             old: The committed state, to which `marked` belong.
-            end: To when, s; see `MechanicalStepper.going_on`.
+            end: End of the extrapolation, s; see `MechanicalStepper.going_on`.
         """
         problem, dt, found = self._problem, end - old.time, []
         directions = problem.slice.planes.at(end)[1]
@@ -331,11 +332,11 @@ class MechanicalDerivatives:
         return found
 
     def _out_of_balance(self, following: Following, slopes: Slopes) -> bool:
-        """Whether the unknowns are to be corrected (collective).
+        """Whether the unknowns need a correction (collective).
 
-        Newton's tangent may leave something out, as the turn of friction round an arc does: what
-        is out of balance where they have moved corrects them. Where the wall is met it is so stiff
-        that an error of displacement that nothing else shows is one of its pressure.
+        Newton's tangent may lack terms, such as the rotation of friction around an arc: the
+        residual after the motion corrects this. In contact the stiffness is so high that an error
+        of displacement, otherwise negligible, is one of the contact pressure.
         """
         left = reductions.largest(self._simulation.section.comm, np.abs(following.right))
         if left <= following.rounding:
@@ -351,7 +352,7 @@ class MechanicalDerivatives:
         )
 
     def _displacements(self, step: LinearisedStep, moves: Array) -> list[Array]:
-        """Derivatives of the displacements of this rank's nodes, ghosts included (collective)."""
+        """Derivatives of the displacements of this rank's nodes, including ghosts (collective)."""
         problem = self._problem
         found, held = np.array(moves[:, : problem.owned]), problem.constraints.fixed
         found[:, held] = step.given.fixed.T[:, held]
@@ -361,16 +362,16 @@ class MechanicalDerivatives:
 
     @property
     def _touches(self) -> bool:
-        """Whether the wall is met at the end of the step (collective)."""
+        """Whether there is contact with the wall at the end of the step (collective)."""
         contact = self._problem.contact
         if contact is None:
             return False
         return reductions.any_of(self._simulation.section.comm, bool(contact.status[0].any()))
 
     def _unbalanced(self, left: Array, slopes: Slopes) -> float:
-        """What is out of balance, over the derivatives of stress and of pressure (collective).
+        """Residual relative to the derivatives of stress and pressure (collective).
 
-        It is looked at by node, as the stress round it that would make such a force.
+        It is evaluated by node, as the stress around it that would cause the force.
         """
         problem, comm = self._problem, self._simulation.section.comm
         by_stress = problem.scales.force_per_stress

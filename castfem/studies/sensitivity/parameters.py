@@ -1,8 +1,8 @@
-"""Parameters by which a run is differentiated: keys of its case, and numbers of its steel.
+"""Parameters of the derivatives of a run: keys of its case, and properties of its steel.
 
-A parameter is a number in the unit of the case as resolved, whatever the user has written: both
+A parameter is a number in the unit of the resolved case, however the user has written it: both
 "1600 W/(m^2 K)" and "1.6 kW/(m^2 K)" are 1600, and derivatives are per W/(m^2 K). A table is
-multiplied as a whole: it is 100 in per cent.
+multiplied as a whole by a factor of 100 per cent.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ SCALED = ("density", "specific_heat", "conductivity", "emissivity")
 EXPANSION = "thermal_expansion"
 ELASTIC = ("youngs_modulus", "poisson_ratio")
 STRAINED = (EXPANSION, *ELASTIC)
-"""The same, of which only the mechanics know."""
+"""Such properties that only affect the mechanics."""
 LEVELS = {"degC", "degF", "°C", "°F"}
-"""Units of temperatures that do not begin at absolute zero."""
-_LAW = "law.", "mechanics.law."  # the second as inputs of an optimum are called
+"""Temperature units that do not begin at absolute zero."""
+_LAW = "law.", "mechanics.law."  # the second is the name of inputs of an optimum
 _BY_CARBON = "name steel.composition.C instead"
 
 
@@ -45,11 +45,11 @@ _BY_CARBON = "name steel.composition.C instead"
 class DifferenceSteps:
     """Half the distance of the difference quotients by a parameter."""
 
-    temperature: float = 1e-3  #: of a temperature, in its unit
-    share: float = 1e-5  #: of anything else, over the number
-    #: of numbers of the mould: taper moves the wall by less than its place is rounded
+    temperature: float = 1e-3  #: for a temperature, in its unit
+    share: float = 1e-5  #: for anything else, relative to the number
+    #: for numbers of the mould: taper moves the wall by less than its position is rounded
     mould: float = 1e-4
-    length: float = 1e-6  #: of its lengths, which move it by a part of themselves
+    length: float = 1e-6  #: for its lengths, relative
 
 
 STEPS = DifferenceSteps()
@@ -58,10 +58,10 @@ _HELD = {
     "mesh": "it changes the mesh",
     "thermal": "it changes the steps, which are held",
     "output": "it changes what is written, not what is computed",
-    "reference": "it is a number of somebody else",
+    "reference": "it is a published value",
     "verification": "it belongs to the closed form",
-    "optimise": "a run does not look at it",
-    "title": "it is no number",
+    "optimise": "a run does not use it",
+    "title": "it is not a number",
 }
 
 
@@ -69,19 +69,19 @@ _HELD = {
 class Parameter:
     """A number of a case."""
 
-    name: str  #: as the user wrote it
-    key: str  #: dotted key under which the number stands; "" for a property of the steel
+    name: str  #: as written by the user
+    key: str  #: dotted key of the number; "" for a property of the steel
     value: float  #: in `unit`
-    unit: str  #: of the resolved case; "percent" for a table that is multiplied, "" for none
-    spread: float  #: by how much it may differ, in `unit`: the length of a bar of the figure
-    steel: str = ""  #: property of the steel that is multiplied; "" for none
-    law: str = ""  #: the same of the constitutive law
-    table: Mapping[str, Any] | None = None  #: what stands under `key`, if it is a table
+    unit: str  #: unit of the resolved case; "percent" for a table that is multiplied, "" for none
+    spread: float  #: its uncertainty, in `unit`, for the bars of the figure
+    steel: str = ""  #: multiplied property of the steel; "" for none
+    law: str = ""  #: multiplied parameter of the constitutive law; "" for none
+    table: Mapping[str, Any] | None = None  #: table at `key`, if it is one
     step: float = 0.0  #: half the distance of the difference quotients of laws, in `unit`
 
     @property
     def has_zero(self) -> bool:
-        """Whether a per cent of it means something, as it does not of degrees Celsius."""
+        """Whether percentages of it have a meaning, unlike those of degrees Celsius."""
         return self.unit not in LEVELS and self.value != 0.0
 
     def case_at(self, case: Case, value: float) -> Case:
@@ -106,12 +106,12 @@ class Parameter:
 
     @property
     def of_mechanics(self) -> bool:
-        """Whether the temperatures do not hang on it."""
+        """Whether the temperatures do not depend on it."""
         return bool(self.law) or self.steel in STRAINED
 
     @property
     def moves_front(self) -> bool:
-        """Whether the shell grows by it, directly; the mould acts on it through its gap alone."""
+        """Whether the shell growth depends on it directly; the mould only acts through its gap."""
         return not self.of_mechanics and not self.key.startswith("mould.")
 
     def law_at(self, law: Law, value: float) -> Law:
@@ -178,7 +178,7 @@ class _Multiplied:
 
 
 def read_parameters(case: Case, steel: Steel, texts: Iterable[str]) -> list[Parameter]:
-    """The parameters that `--to` names: KEY or KEY=SPREAD, several with commas between them."""
+    """Return the parameters from `--to`: KEY or KEY=SPREAD, several separated by commas."""
     found: dict[str, Parameter] = {}
     problems: list[str] = []
     for text in (part.strip() for given in texts for part in given.split(",")):
@@ -186,7 +186,7 @@ def read_parameters(case: Case, steel: Steel, texts: Iterable[str]) -> list[Para
         try:
             parameter = _read(case, steel, name, spread)
             if name in found:
-                raise ValueError("it is named twice")
+                raise ValueError("it is given twice")
             found[name] = parameter
         except ValueError as error:
             problems.append(f"--to {text}: {error}")
@@ -211,15 +211,15 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
     usual = 10.0 if temperature else 0.01 * abs(parameter.value)
     wide = _spread(spread, parameter, temperature) if spread else usual
     if spread and not wide > 0.0:
-        raise ValueError("by how much it may differ must be above 0")
+        raise ValueError("its spread must be above 0")
     if not wide > 0.0:
-        raise ValueError(f"it is 0; say by how much it may differ: {name}=SPREAD")
+        raise ValueError(f"it is 0; give its spread: {name}=SPREAD")
     size = _share(parameter) * max(abs(parameter.value), wide)
     return replace(parameter, spread=wide, step=STEPS.temperature if temperature else size)
 
 
 def _share(parameter: Parameter) -> float:
-    """Half the distance of the difference quotients, over the number."""
+    """Half the distance of the difference quotients, relative to the number."""
     if not parameter.key.startswith("mould."):
         return STEPS.share
     return STEPS.length if units.parse_any(f"1 {parameter.unit}")[1] == "m" else STEPS.mould
@@ -255,7 +255,7 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
         if not steel.has(entry):
             raise ValueError(f"{steel.name} has none")
         if entry == "specific_heat" and "enthalpy" in steel.properties:
-            raise ValueError(f"{steel.name} takes up its heat by its enthalpy; {_BY_CARBON}")
+            raise ValueError(f"{steel.name} is defined by its enthalpy; {_BY_CARBON}")
         return Parameter(name, "", 100.0, "percent", 0.0, entry)
     if entry not in ("solidus", "liquidus", "latent_heat"):
         allowed = (*scaled, "solidus", "liquidus", "latent_heat", "composition.C")
@@ -263,7 +263,7 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
         raise ValueError(f"no number of a steel; one of {choices(allowed)}{near}")
     origin = steel.origins.get(entry)
     if entry == "latent_heat" and "enthalpy" in steel.properties:
-        raise ValueError(f"{steel.name} releases its heat by its enthalpy; {_BY_CARBON}")
+        raise ValueError(f"{steel.name} is defined by its enthalpy; {_BY_CARBON}")
     if origin is None:
         raise ValueError(f"it follows from the solid fraction of {steel.name}; {_BY_CARBON}")
     if entry == "latent_heat":
@@ -295,12 +295,12 @@ def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
     try:
         number, unit = units.split(value)
     except ValueError:
-        raise ValueError(f'it is no number ("{value}")') from None
+        raise ValueError(f'it is not a number ("{value}")') from None
     return Parameter(name, key, float(number), unit, 0.0)
 
 
 def _numbers(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Yield the dotted keys of what may be numbers of a case, without those in arrays."""
+    """Yield the dotted keys of possible numbers of a case, without those in arrays."""
     for key, value in table.items():
         if isinstance(value, Mapping):
             yield from _numbers(value, f"{above}{key}.")
@@ -309,7 +309,7 @@ def _numbers(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
 
 
 def _check_composition(case: Case, steel: Steel, key: str, value: float, name: str) -> None:
-    """Refuse an element that the case leaves out, of a steel that is not computed from it.
+    """Refuse an element missing in the case, for a steel that is not computed from it.
 
     Raises:
         ValueError: With a composition the case would have another steel.
@@ -325,10 +325,10 @@ def _check_composition(case: Case, steel: Steel, key: str, value: float, name: s
 
 
 def _found(document: Mapping[str, Any], key: str) -> tuple[str, Any]:
-    """The key and what stands there; of a table with a value and a source, the value.
+    """The key and its value; for a table with a value and a source, the value.
 
     Raises:
-        ValueError: The key leads to no entry of an array.
+        ValueError: The key leads to no array entry.
     """
     if why := key_names.lost(document, key):
         raise ValueError(why)

@@ -1,4 +1,4 @@
-"""A simulation with one number changed a little: the same mesh and matrices, other laws."""
+"""A simulation with one number changed slightly: same mesh and matrices, other laws."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from castfem.physics.thermal.stepper import ThermalStepper
 from castfem.studies.sensitivity.parameters import Parameter
 
 _COOLING = ("cooling", "secondary", "machine", "mould")
-"""Tables of a case in which the cooling stands."""
+"""Tables of a case that define the cooling."""
 
 
 @dataclass(slots=True)
@@ -36,13 +36,13 @@ class Varied:
 
     #: with its own laws, steel and times; mesh and matrices are those of the run
     simulation: Simulation
-    #: of the run and its own that belong together (2, n), s: steps are shares of the time between
-    #: them
+    #: corresponding times of the run and its own (2, n), s; steps are divided proportionally in
+    #: between
     instants: Array
     same_curve: bool  #: whether T(H) and theta(H) are those of the run
-    same_cooling: bool  #: whether the laws of its cooling are, and their times
-    same_times: bool = False  #: whether its times are
-    #: whether the laws that cool it now are, and their times; see `compare`
+    same_cooling: bool  #: whether the laws of its cooling are those of the run, and their times
+    same_times: bool = False  #: whether its times are those of the run
+    #: whether its present cooling laws are those of the run, and their times; see `compare`
     same_laws: bool = False
 
     def time(self, time: float) -> float:
@@ -50,11 +50,11 @@ class Varied:
         return self.step(time)[0]
 
     def step(self, time: float) -> tuple[float, float]:
-        """Its own time for a time of the run, s, and the ratio of its steps to those of the run."""
+        """Its own time for a time of the run, s, and the ratio of the step lengths."""
         if self.same_times:
             return time, 1.0
         run, own = self.instants
-        hair = EXACT * run[-1]  # steps end at the instants, but for rounding
+        hair = EXACT * run[-1]  # steps end at these times up to rounding
         i = int(np.searchsorted(run, time + hair, side="right")) - 1
         i = min(max(i, 0), len(run) - 2)
         pace = (own[i + 1] - own[i]) / (run[i + 1] - run[i])
@@ -72,10 +72,10 @@ class Varied:
         """Add the heat that leaves each vertex through the surface at its own time (s).
 
         Args:
-            stage: Of the run: the enthalpies of the vertices, and what belongs to them there.
-            time: Its own, s.
-            weight: By which it is multiplied.
-            heat: To which it is added (owned,), W/m.
+            stage: Stage of the run: enthalpies of the vertices, and related values.
+            time: Its own time, s.
+            weight: Factor.
+            heat: Array to which it is added (owned,), W/m.
         """
         for patch, law in self.simulation.problem.cooling.laws:
             if self.same_curve:
@@ -99,13 +99,13 @@ def surface_heat(cooling: Cooling, temperature: Array, time: float) -> tuple[Arr
 
 
 class CurveDifference:
-    """T(H) and theta(H) of one steel less those of another.
+    """Difference of T(H) and theta(H) between two steels.
 
-    For two steels whose curves are piecewise linear the difference is so as well and is set up
-    once: it takes one look-up, and no digits of two large numbers are lost.
+    For two steels with piecewise linear curves the difference is piecewise linear, too, and is set
+    up once: it takes one look-up, and avoids cancellation of two large numbers.
 
     Args:
-        above: Curve that is taken. below: Curve that is taken off.
+        above: First curve. below: Curve that is subtracted.
     """
 
     def __init__(self, above: ThermalCurve, below: ThermalCurve) -> None:
@@ -147,10 +147,10 @@ def _piece(starts: Array, enthalpy: Array) -> Indices:
 class Variation:
     """A parameter with the simulations on both sides of it."""
 
-    parameter: Parameter  #: with the step that was taken
+    parameter: Parameter  #: with the step used
     below: Varied  #: at `value - step`
     above: Varied  #: at `value + step`
-    #: difference of their T(H) and theta(H); None where they are those of the run
+    #: difference of their T(H) and theta(H); None if they are those of the run
     curves: CurveDifference | None
 
     def lateness(self, time: float) -> float:
@@ -159,13 +159,13 @@ class Variation:
 
     @property
     def span(self) -> float:
-        """Between the two, in the unit of the parameter."""
+        """Distance of the two sides, in the unit of the parameter."""
         return 2.0 * self.parameter.step
 
 
 def vary(simulation: Simulation, parameter: Parameter) -> Variation:
     """Build the simulations on both sides of a parameter (collective)."""
-    for finer in (1.0, 0.1, 0.01):  # where tables are divided otherwise
+    for finer in (1.0, 0.1, 0.01):  # where tables are divided differently
         step = finer * parameter.step
         tried = replace(parameter, step=step)
         below, above = (_varied(simulation, tried, sign * step) for sign in (-1.0, 1.0))
@@ -192,10 +192,10 @@ def _varied(simulation: Simulation, parameter: Parameter, by: float) -> Varied:
     zones.sides = simulation.zones.sides
     held = simulation.problem.curve
     same = steel is simulation.steel or parameter.of_mechanics
-    # Its ends and its zero are those of the run: what lies beyond its temperatures has no part in
-    # it, and where enthalpies count from is a convention.
+    # Its ends and its zero are those of the run: values outside its temperatures do not matter, and
+    # the zero of enthalpy is a convention.
     datum, ends = simulation.start_temperature, (held.knots[0], held.knots[-1])
-    # A slice that moves keeps its mass: what its enthalpy is depends on how the steel was poured.
+    # A moving slice keeps its mass: its enthalpy depends on the pouring temperature.
     poured = None if simulation.problem.shape is None else start
     if poured is not None and start != datum and np.ptp(steel.density(held.knots)) > 0.0:
         same = False
@@ -218,7 +218,7 @@ def _same_tables(one: Case, other: Case) -> bool:
 
 
 def _places(simulation: Simulation) -> list[float]:
-    """Instants that hang on the case: begin, changes of cooling and speed, stations, end, s."""
+    """Times that depend on the case: start, changes of cooling and speed, stations, end, s."""
     machine, case = simulation.machine, simulation.case
     found = [*simulation.zones.starts, *simulation.zones.changes, *machine.kinks]
     found += [machine.time_at(position) for position in stations(case)]
@@ -226,7 +226,7 @@ def _places(simulation: Simulation) -> list[float]:
 
 
 def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -> Array:
-    """Instants of the run, and the corresponding ones of another (2, n), s."""
+    """Times of the run, and the corresponding ones of another (2, n), s."""
     run, own = _places(simulation), _places(other)
     end = run[1]
     if len(run) != len(own) or len(simulation.zones.starts) != len(other.zones.starts):
@@ -251,7 +251,7 @@ def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -
 
 
 def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
-    """Refuse a parameter that the run does not hang on."""
+    """Refuse a parameter without effect on the run."""
     if parameter.of_mechanics:
         return
     one, other = below.simulation.case, above.simulation.case
@@ -259,16 +259,16 @@ def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
     same = same and below.simulation.steel is above.simulation.steel
     if same:
         raise InputError(
-            f"{parameter.name}: nothing that this run computes hangs on it (its steps and coupling "
-            "windows are held as they are)"
+            f"{parameter.name}: nothing that this run computes depends on it (its steps and "
+            "coupling windows are held as they are)"
         )
 
 
 def same_laws(one: Cooling, other: Cooling) -> bool:
-    """Whether two coolings are certain to take the same heat at the same temperature and time.
+    """Whether two coolings certainly remove the same heat at the same temperature and time.
 
-    Laws are compared by their numbers; one that holds what cannot be compared counts as another.
-    Gaps that a window of the mechanics sets later are not looked at.
+    Laws are compared by their numbers; one that cannot be compared counts as different. Gaps that
+    the mechanics set later are not compared.
     """
     if len(one.laws) != len(other.laws):
         return False

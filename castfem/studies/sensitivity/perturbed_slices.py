@@ -1,7 +1,7 @@
-"""The slice on both sides of a parameter: what a parameter changes beside the motion.
+"""The slice on both sides of a parameter: effects of a parameter other than the motion.
 
-That is the law (`castfem.studies.sensitivity.law_changes`), the pressure of the liquid, the wall
-and its friction.  Everything else that is in equilibrium follows from these linearly, for all
+These are the law (`castfem.studies.sensitivity.law_changes`), the pressure of the liquid, the wall
+and its friction. All other contributions to equilibrium follow from these linearly, for all
 parameters at once (`castfem.studies.sensitivity.linearised_step`).
 """
 
@@ -22,28 +22,28 @@ from castfem.physics.mechanics.material_points import FedPoints
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.studies.sensitivity.step_inputs import Beginning
 
-SIGNS = (1.0, -1.0)  # above a parameter, and below
+SIGNS = (1.0, -1.0)  # above and below a parameter
 
 
 @dataclass(frozen=True, slots=True)
 class DifferenceLimits:
-    """Steps of differences by temperature, and where they have a kink."""
+    """Steps of differences by temperature, and detection of kinks."""
 
     warmer: float = 1e-4  #: to either side, K
-    #: difference of the two halves, over the whole, from which there is a kink and no bend
+    #: relative difference of the two halves above which there is a kink
     uneven: float = 0.1
-    same_place: float = 1e-14  #: relative difference of two positions that is rounding
+    same_place: float = 1e-14  #: relative difference of two positions due to rounding
 
 
 DIFFERENCES = DifferenceLimits()
 
 
 def slope(above: Array, here: Array, below: Array, by: float) -> Array:
-    """Derivative of what has these values at and on both sides of a place, `by` apart.
+    """Derivative from values at a point and on both sides, `by` apart.
 
-    Where there is a kink or a jump between them, it is that of the half which is less. One half
-    alone is off by half the bend of the curve over the distance, so it is taken nowhere else: the
-    weight of a phase whose blend is narrow bends from 0 to all it has within kelvins.
+    At a kink or a jump between them the smaller one-sided value is used. A one-sided value has an
+    error of half the curvature times the distance, so it is used nowhere else: the weight of a
+    phase with a narrow blend changes completely within kelvins.
     """
     up, down = (above - here) / by, (here - below) / by
     sizes = np.abs(up), np.abs(down)
@@ -67,14 +67,14 @@ class SliceSides:
     Args:
         run: The equilibrium of the run.
         slices: The slice above and below.
-        by: How far the parameter is moved, in its unit.
+        by: Distance by which the parameter is moved, in its unit.
         same_wall: Whether its mould is that of the run.
 
     Attributes:
-        span: Between the sides, in the unit of the parameter.
+        span: Distance of the sides, in the unit of the parameter.
         same_law: Whether its law is that of the run.
-        same_planes: Whether what constrains and loads the planes is that of the run.
-        walls: Contact above and below; none without a mould.
+        same_planes: Whether constraints and loads of the planes are those of the run.
+        walls: Contact above and below; empty without a mould.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class SliceSides:
         self._begun: Beginning | None = None
 
     def quotient(self, of: Callable[[Slice, float], Any]) -> Any:
-        """Derivative of what a slice has with the parameter moved that far, in its unit."""
+        """Derivative of a function of the slice, and the distance the parameter is moved by."""
         above, below = (
             of(one, sign * self.by) for one, sign in zip(self.slices, SIGNS, strict=True)
         )
@@ -104,7 +104,7 @@ class SliceSides:
         self._begun = its
 
     def fed(self, fed: FedPoints | None, its: Beginning) -> tuple[FedPoints | None, ...]:
-        """The points of liquid of the run above and below; the same where nothing differs there."""
+        """The liquid points of the run above and below; the same object if nothing differs."""
         if fed is None:
             return None, None
         heads = (
@@ -137,10 +137,10 @@ class SliceSides:
                 self._at_surface.append((stress, internal))
 
     def law_at_surface(self, strain: Array, change: Array) -> ResponseChange:
-        """Derivatives of what the law answers at the surface, which Nitsche's method asks for.
+        """Derivatives of the law's response at the surface, for Nitsche's method.
 
         Args:
-            strain: Increments there (n, 4).
+            strain: Strain increments there (n, 4).
             change: Their derivatives (n, 4).
         """
         answers = []
@@ -164,9 +164,9 @@ class SliceSides:
         """Derivative of the ferrostatic pressure (n,), Pa.
 
         Args:
-            its: What the step begins with.
+            its: Data at the start of the step.
             here: Temperatures (n,), K.
-            rise: Of the pressure by temperature (n,), Pa/K.
+            rise: Derivative of the pressure by temperature (n,), Pa/K.
             warming: Derivatives of the temperatures (n,), K.
         """
         run = self._run.slice.ferrostatic
@@ -183,7 +183,7 @@ class SliceSides:
         return np.asarray(found)
 
     def give(self, contact: LinearisedContact, into: GivenChanges, number: int) -> None:
-        """Write the changes of contact other than by the motion into column `number`."""
+        """Write the changes of contact other than by the motion to column `number`."""
         above, below = self.walls
         into.stiffness[:, number] = (above.stiffness - below.stiffness) / self.span
         into.pool[:, number] = (above.liquid.pool - below.liquid.pool) / self.span
@@ -202,8 +202,8 @@ class SliceSides:
         """Derivatives of normal (n, 2) and gap (n,) to a wall that moves with the parameter.
 
         Args:
-            place: Where the surface is and meets the wall of the run.
-            positions: Of the slice above and below, below the meniscus, m.
+            place: Geometry of the surface and its contact with the wall of the run.
+            positions: Positions of the slice above and below, below the meniscus, m.
         """
         if self._same_wall and abs(positions[0] - positions[1]) <= DIFFERENCES.same_place * abs(
             positions[0]

@@ -1,7 +1,8 @@
-"""Derivatives of a run's results: what is read off the slice, at both ends of each parameter.
+"""Derivatives of a run's results, from samples on both sides of each parameter.
 
-A result is read as every run reads it (`castfem.runs.results`), from the temperatures with their
-derivative times the step of the difference quotient added, by the steel, machine and cooling there.
+A result is sampled as in every run (`castfem.runs.results`), from the temperatures plus or minus
+their derivative times the step of the difference quotient, with the steel, machine and cooling of
+that side.
 """
 
 from __future__ import annotations
@@ -35,19 +36,19 @@ _OF_STEPS = (
     "colder_than_data", "hotter_than_data", "faster_than_data",
     "error_temperature", "error_temperature_max", "error_stress",
 )  # fmt: skip
-"""Results that tell of steps, cells and points, which are held."""
+"""Results on steps, cells and points, which are kept fixed."""
 _OF_POINTS = ("contact_share", "contact_sticking", "mould_contact_least")
-"""Results that count points of the surface: a derivative holds what touches and what sticks."""
+"""Results that count points of the surface, whose contact status is kept fixed."""
 _OF_TEMPERATURE = ("metallurgical_length", "liquid_end", "mould_mean_flux")
-"""Results of the whole way that hang on the temperatures alone."""
+"""Results over the whole history that only depend on the temperatures."""
 _USUAL = ("heat_removed", "shell", "surface_temperature")
-"""Results that are read if none is named."""
+"""Default results."""
 
 Asked = dict[str, tuple[QuantityDefinition, str]]
 
 
 def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
-    """What `--of` names, each with its definition and probe."""
+    """Return the results of `--of`, each with its definition and probe."""
     having: Asked = {}
     refused: dict[str, str] = {}
     for definition, probe in (*columns_of(simulation), *results_of(simulation)):
@@ -64,16 +65,16 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
         if name not in having:
             fault = refused.get(name) or fault_of(simulation.case, name)
             near = units.nearest(name, having)
-            problems.append(f"--of {name}: {fault or f'is no result of this run{near}'}")
+            problems.append(f"--of {name}: {fault or f'is not a result of this run{near}'}")
     if problems:
         raise InputError(problems)
     return {name: having[name] for name in dict.fromkeys(wanted)}
 
 
 def _refusal(definition: QuantityDefinition) -> str:
-    """Why a result is not differentiated; "" where it is."""
+    """Why a result is not differentiated; "" if it is."""
     if definition.name in _OF_STEPS:
-        return "it tells of steps or cells, which are held"
+        return "it describes steps or cells, which are held fixed"
     if definition.name in _OF_POINTS:
         return (
             "it counts points of the surface; what touches and what sticks is held; compare runs "
@@ -88,12 +89,12 @@ def _refusal(definition: QuantityDefinition) -> str:
 
 
 def _hangs_on_tearing(definition: QuantityDefinition) -> bool:
-    """Whether a result is what a criterion of hot tearing has come to on the way."""
+    """Whether a result is that of a hot tearing criterion."""
     return definition.of_way and not {*CRITERIA}.isdisjoint(definition.needs)
 
 
 class Readings:
-    """Reads the derivatives of results; their errors take more readings."""
+    """Computes the derivatives of results; their errors need further readings."""
 
     def __init__(
         self,
@@ -123,11 +124,11 @@ class Readings:
 
     @property
     def reads_all(self) -> bool:
-        """Whether samples of all steps are needed, not of the last alone."""
+        """Whether samples of all steps are needed, not only of the last."""
         return self._follows_heat or bool(self.fronts.fronts) or self.scatter is not None
 
     def follow(self, sample: Sample) -> None:
-        """Note a committed state, for results that hang on the way (collective)."""
+        """Record a committed state, for results that depend on the history (collective)."""
         state = sample.state.thermal
         zone = self._zone(state.time)
         self.fronts.follow(zone, sample)
@@ -146,13 +147,13 @@ class Readings:
                     sampler.follow(its.thermal)
 
     def _sides(self, number: int, sample: Sample) -> tuple[Sample, Sample]:
-        """Samples above and below a parameter, which their samplers note (collective)."""
+        """Samples above and below a parameter, recorded by their samplers (collective)."""
         ends = zip(self._samplers[number], self._ends(number, sample.state), strict=True)
         above, below = (sampler.read(its, None) for sampler, its in ends)
         return above, below
 
     def _zone(self, time: float) -> int:
-        """The zone that a step has been in which ends at a time (s); the first at the meniscus."""
+        """The zone of a step that ends at a time (s); the first at the meniscus."""
         hair = EXACT * self._simulation.control.end
         starts = self._simulation.zones.starts
         return max(bisect_left(starts, time - hair) - 1, 0)
@@ -200,7 +201,7 @@ class Readings:
         return values, found
 
     def _slopes(self, sample: Sample) -> Iterator[tuple[str, float, float]]:
-        """Each result, and its derivatives to both sides of each parameter (collective)."""
+        """Each result, and its one-sided derivatives by each parameter (collective)."""
         here = {name: _number(d.value(sample, probe)) for name, (d, probe) in self.asked.items()}
         for number, variation in enumerate(self._derivatives.variations):
             above, below = self._sides(number, sample)
@@ -215,7 +216,7 @@ class Readings:
         return self.scatter.errors(count)
 
     def _evened(self, name: str, probe: str, number: int) -> tuple[float, float] | None:
-        """Derivative of a depth, evened out, and its standard error; None of all others."""
+        """Smoothed derivative of a depth, and its standard error; None for all others."""
         front = self.fronts.fronts.get((name, probe))
         if front is None:
             return None
@@ -225,11 +226,11 @@ class Readings:
         return float(found[0][number]), float(found[1][number])
 
     def of_tearing(self) -> list[str]:
-        """Results of hot tearing among those asked for; no checkpoint holds their derivatives."""
+        """Requested results of hot tearing, whose derivatives are not in checkpoints."""
         return [name for name, (one, _) in self.asked.items() if _hangs_on_tearing(one)]
 
     def memory(self) -> dict[str, Any]:
-        """Notes of the steps so far, for a checkpoint."""
+        """Data of the steps so far, for a checkpoint."""
         noted = [[sampler.memory() for sampler in pair] for pair in self._samplers]
         found = {"results": list(self.asked), "noted": noted, "fronts": self.fronts.memory()}
         if self.scatter is not None:
@@ -237,7 +238,7 @@ class Readings:
         return found
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Take up what `memory` gave."""
+        """Restore `memory`."""
         self.fronts.recall(memory["fronts"])
         if self.scatter is not None and "scatter" in memory:
             zone, rows = memory["scatter"]

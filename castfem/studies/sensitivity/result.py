@@ -1,4 +1,4 @@
-"""Sensitivities of a run as they are reported, written and read."""
+"""Sensitivities of a run: reporting, writing and reading."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from castfem.runs.output.folder import DERIVATIVES_NAME
 from castfem.studies.sensitivity.parameters import LEVELS, Parameter
 
 JSON_NAME, CSV_NAME = "sensitivity.json", "sensitivity.csv"
-_DIFFERENCE = "delta_"  # before the unit of a difference of two temperatures
+_DIFFERENCE = "delta_"  # prefix of the unit of a temperature difference
 _OF_TABLE = ("percent", "%")
 REFUSED = "refused"
 
@@ -29,52 +29,52 @@ class Derivative:
 
     quantity: str  #: name of the result
     parameter: str  #: name of the parameter
-    below: float  #: towards smaller values of the parameter; NaN where the result does not exist
+    below: float  #: towards smaller values of the parameter; NaN if the result does not exist
     above: float  #: towards larger ones
-    #: of a depth that a front has reached, evened out over the cells behind it, and its standard
-    #: error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few; None of
-    #: anything else
+    #: for a depth of a front, smoothed over the cells behind it, with its standard error
+    #: (`castfem.studies.sensitivity.fronts`); NaN with too few cells; None for anything else
     evened: tuple[float, float] | None = None
-    #: how far differences of runs may be from `value` (`fronts.Scatter`); NaN if not known
+    #: typical deviation of differences of runs from `value` (`fronts.Scatter`); NaN if unknown
     error: float = math.nan
 
     @property
     def of_mesh(self) -> float:
-        """That of the discrete run: the mean of both sides, which are one where it is smooth."""
+        """Derivative of the discrete run: mean of both sides, which agree where it is smooth."""
         return 0.5 * (self.below + self.above)
 
     @property
     def value(self) -> float:
-        """The reported value: evened out where necessary, otherwise that of the discrete run."""
+        """The reported value: smoothed if necessary, otherwise that of the discrete run."""
         return self.of_mesh if self.evened is None else self.evened[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Kink:
-    """Points of the surface that touch the mould or leave it within a hair of a parameter."""
+    """Points of the surface whose contact status is about to change with a parameter."""
 
     parameter: str  #: its name
-    position: float  #: of the slice below the meniscus, m
-    points: int  #: their number
-    place: tuple[float, float]  #: of the outermost of them, (x, y), m
+    position: float  #: position of the slice below the meniscus, m
+    points: int  #: number of points
+    place: tuple[float, float]  #: place of the outermost of them, (x, y), m
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A derivative as it is shown."""
+    """A derivative for display."""
 
     quantity: Quantity
-    name: str  #: of the result
+    name: str  #: name of the result
     parameter: Parameter
     value: float  #: derivative, in `unit`
-    unit: str  #: of the result over that of the parameter
-    #: per cent of the result a per cent of the parameter; NaN where either counts from a zero that
-    #: is a convention, or is 0
+    unit: str  #: unit of the result over that of the parameter
+    #: relative change of the result over that of the parameter; NaN if either has an arbitrary
+    #: zero, or is 0
     elasticity: float
-    change: float  #: of the result by the spread of the parameter, in the unit in which it differs
-    #: derivatives to both sides, in `unit`, where they differ; None where it is smooth
+    #: change of the result by the spread of the parameter, in the unit of its differences
+    change: float
+    #: one-sided derivatives, in `unit`, if they differ; None where it is smooth
     sides: tuple[float, float] | None
-    #: how far differences of runs may be from it, in `unit`; NaN where that is not known
+    #: typical deviation of differences of runs from it, in `unit`; NaN if unknown
     error: float = math.nan
 
 
@@ -82,31 +82,31 @@ class Row:
 class Sensitivity:
     """Results of a run and their derivatives by parameters of its case."""
 
-    title: str  #: of the case
-    position: float  #: where the results hold, m below the meniscus
-    quantities: dict[str, Quantity]  #: name to result
-    parameters: tuple[Parameter, ...]  #: by which they are differentiated
+    title: str  #: title of the case
+    position: float  #: position of the results, m below the meniscus
+    quantities: dict[str, Quantity]  #: results by name
+    parameters: tuple[Parameter, ...]  #: parameters of the derivatives
     derivatives: tuple[Derivative, ...]  #: each result by each parameter
     steps: int  #: thermal steps of the run
-    #: where contact is about to change: there derivatives are those to one side
+    #: where contact is about to change: there derivatives are one-sided
     kinks: tuple[Kink, ...] = ()
-    #: whether the run had mechanics, which a growing shell takes along cell by cell
+    #: whether the run had mechanics, whose derivatives vary as the shell grows cell by cell
     strained: bool = False
-    windows: int = 0  #: coupling windows of the run
-    #: how often one was cut for the error of its gap: to a length that is another one where the
-    #: parameters are others by enough, which the derivatives hold
+    windows: int = 0  #: number of coupling windows
+    #: number of times one was shortened for the error of its gap; with sufficiently different
+    #: parameters the shortened length would differ, but the derivatives keep it fixed
     cut: int = 0
 
     @property
     def gradient(self) -> dict[str, dict[str, float]]:
-        """Result to parameter to derivative: SI (K) per `unit` of the parameter."""
+        """Derivatives by result and parameter: SI (K) per `unit` of the parameter."""
         found: dict[str, dict[str, float]] = {name: {} for name in self.quantities}
         for one in self.derivatives:
             found[one.quantity][one.parameter] = one.value
         return found
 
     def rows(self) -> Iterator[Row]:
-        """The derivatives as they are shown, result by result."""
+        """The derivatives for display, result by result."""
         parameters = {p.name: p for p in self.parameters}
         for name in self.quantities:
             for one in self.derivatives:
@@ -143,7 +143,7 @@ class Sensitivity:
         write_text(folder / CSV_NAME, self.to_csv())
 
     def to_json(self) -> dict[str, Any]:
-        """All of it, every number beside its unit."""
+        """The whole content, every number with its unit."""
         return {
             "title": self.title,
             "position": {"value": self.position, "unit": "m"},
@@ -173,7 +173,7 @@ class Sensitivity:
         }
 
     def to_csv(self) -> str:
-        """A row for each derivative."""
+        """One row for each derivative."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(
@@ -194,9 +194,9 @@ def per(unit: str, other: str, *, level: bool = True) -> str:
     """The unit of a derivative.
 
     Args:
-        unit: Of what is differentiated.
-        other: Of that by which.
-        level: Whether degrees Celsius are those of a level, two of which differ by K.
+        unit: Unit of the result.
+        other: Unit of the parameter.
+        level: Whether degrees Celsius are a temperature level, whose differences are in K.
     """
     other = "K" if level and other in LEVELS else other
     own = "1" if unit in ("-", "") else unit
@@ -207,20 +207,20 @@ def per(unit: str, other: str, *, level: bool = True) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ShownRow:
-    """A derivative in the units that were chosen."""
+    """A derivative in the chosen units."""
 
     at: float  #: value of the parameter, in `at_unit`
     at_unit: str
-    spread: float  #: by how much it may differ, in `spread_unit`
+    spread: float  #: spread of the parameter, in `spread_unit`
     spread_unit: str
-    value: float  #: derivative, in `unit` as all that follow
-    error: float  #: of it
+    value: float  #: derivative, in `unit` like all below
+    error: float  #: its error
     sides: tuple[float, float] | None
     unit: str
 
     @classmethod
     def of(cls, row: Row) -> ShownRow:
-        """A derivative as it is shown."""
+        """Convert a derivative for display."""
         up = scale_of(unit_of_difference(row.quantity.shown_unit), row.name)
         level, down = scales_of(row.parameter)
         ratio = up.factor / down.factor
@@ -239,7 +239,7 @@ class ShownRow:
 
 
 def scales_of(parameter: Parameter) -> tuple[Scale, Scale]:
-    """What turns the value of a parameter, and a difference of it, into what is shown."""
+    """Conversions of the value of a parameter, and of a difference of it, to the shown units."""
     unit = parameter.unit
     difference = "K" if unit in LEVELS else unit
     plain = Scale(unit), Scale(difference)
@@ -247,7 +247,7 @@ def scales_of(parameter: Parameter) -> tuple[Scale, Scale]:
         return plain
     try:
         return scale_of(unit), scale_of(difference)
-    except ValueError:  # of an own property file, say
+    except ValueError:  # such as in a user's property file
         return plain
 
 
@@ -255,19 +255,19 @@ def scales_of(parameter: Parameter) -> tuple[Scale, Scale]:
 class Slope:
     """The derivative of a result by a parameter."""
 
-    value: float  #: in SI (K) per `unit` of the parameter; NaN where the result has none
-    at: float  #: the parameter, in `unit`; 100 of what is multiplied as a whole
-    unit: str  #: "percent" of what is multiplied, "" for none
+    value: float  #: in SI (K) per `unit` of the parameter; NaN if the result does not exist
+    at: float  #: the parameter, in `unit`; 100 for a multiplied table or property
+    unit: str  #: "percent" for a multiplied table or property, "" for none
 
 
 Slopes = Mapping[str, Mapping[str, Slope]]
-"""Name of the result to name of the parameter to derivative."""
+"""Derivatives by name of the result and of the parameter."""
 
 
 def read_slopes(folder: Path) -> Slopes | None:
-    """Return the derivatives that a run has carried along, empty if it could have none.
+    """Return the derivatives that a run has computed, empty if it could have none.
 
-    None of a run that was made without, or whose file cannot be read.
+    None for a run without derivatives, or if the file cannot be read.
     """
     try:
         content = json.loads((folder / DERIVATIVES_NAME).read_text(encoding="utf-8"))

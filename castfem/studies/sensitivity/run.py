@@ -1,4 +1,4 @@
-"""A run that carries derivatives along: what it refuses, how it is followed, what it gives."""
+"""A run with derivatives: restrictions, execution, results."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ def refuse(case: Case) -> None:
     start = case.casting.start
     if start is not None and (start.at == "mould_exit" or start.meniscus is not None):
         problems.append(
-            "casting.start: what the slice passes before the run begins is not differentiated; "
-            "let it begin at the meniscus"
+            "casting.start: the way before the run begins is not differentiated; "
+            "start at the meniscus"
         )
     if problems:
         raise InputError([f"{case.title}: {problem}" for problem in problems])
 
 
 def _refused_mechanics(case: Case) -> Iterator[str]:
-    """Yield what a case has beside a slice that is strained in its mould."""
+    """Yield parts of a case other than a slice strained in its mould."""
     mechanics, coupling = case.mechanics, case.coupling
     assert mechanics is not None
     refused = {
@@ -50,11 +50,11 @@ def _refused_mechanics(case: Case) -> Iterator[str]:
         "mechanics.strain": (mechanics.strain == "large", 'take strain = "small"'),
         "mechanics.bulging": (mechanics.bulging is not None, "bulging is not differentiated"),
         "mechanics.until": (
-            case.mechanics_end() is not None, "let the mechanics go on, or the run end, there"
+            case.mechanics_end() is not None, "let the mechanics continue, or end the run there"
         ),
         "coupling.order": (coupling.order != "thermal_first", 'take order = "thermal_first"'),
         "coupling.mechanical_step": (
-            coupling.mechanical_step is not None, "leave it out: one step a window"
+            coupling.mechanical_step is not None, "leave it out: one step per window"
         ),
     }  # fmt: skip
     found = [f"{key}: {why}" for key, (is_there, why) in refused.items() if is_there]
@@ -79,13 +79,13 @@ def sensitivity(
     """Run a case and differentiate its results at the end by some parameters (collective).
 
     Args:
-        case: What to run.
-        of: Names of results, several with commas between them; empty for the usual ones.
-        to: Parameters, `castfem.studies.sensitivity.parameters.read_parameters`.
-        folder: For checkpoints and results; None writes nothing.
-        resume: Go on from the checkpoint in `folder`.
-        comm: Ranks of the run; all when None.
-        progress: Told after each step; on rank 0.
+        case: The case.
+        of: Names of results, several separated by commas; empty for the default ones.
+        to: Parameters, as for `castfem.studies.sensitivity.parameters.read_parameters`.
+        folder: Folder for checkpoints and results; None writes nothing.
+        resume: Continue from the checkpoint in `folder`.
+        comm: Ranks of the run; None for all.
+        progress: Called after each step, on rank 0.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     refuse(case)
@@ -106,7 +106,7 @@ def sensitivity(
 
 
 def result_of(run: RunState, derivatives: Derivatives, readings: Readings) -> Sensitivity:
-    """Read the results of a run where it stands, and their derivatives (collective)."""
+    """Return the results of a run in its present state, with derivatives (collective)."""
     assert run.sample is not None
     simulation, counts, coupled = run.simulation, run.counts, derivatives.coupled
     values, found = readings.read(run.sample)
@@ -121,14 +121,14 @@ def result_of(run: RunState, derivatives: Derivatives, readings: Readings) -> Se
 def _to_the_end(
     simulation: Simulation, recorder: Recorder, resume: bool, progress: Progress | None
 ) -> RunState:
-    """Take the slice to the end of the followed length."""
+    """Advance the slice to the end of the followed length."""
     interrupt = Interrupt(simulation.section.comm)
     loop = TimeLoop(simulation, recorder, progress, interrupt, recorder.unsampled)
     if resume:
         recorder.resume(loop.run_state)
     if progress is not None:
         progress.start(simulation.case.casting.length, loop.run_state.position)
-    with interrupt:  # until all is saved, for the same signal may come twice
+    with interrupt:  # until everything is saved, since the same signal may come twice
         try:
             loop.run()
         except Stopped:
@@ -139,10 +139,10 @@ def _to_the_end(
 
 
 class Carried:
-    """Carries derivatives along with a run (`castfem.runs.loop.Companion`).
+    """Computes derivatives during a run (`castfem.runs.loop.Companion`).
 
     Raises:
-        InputError: Case, results or parameters cannot be used; the simulation is as it was.
+        InputError: Case, results or parameters cannot be used; the simulation is unchanged.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class Carried:
         self._recorder = Recorder(simulation, self._derivatives, self._readings, None)
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Take in one committed step (collective)."""
+        """Process a committed step (collective)."""
         self._recorder.step(run, sample)
 
     def finish(self, run: RunState) -> None:
@@ -176,9 +176,9 @@ class Carried:
 def carrying(
     of: Sequence[str], to: Sequence[str], folder: Path
 ) -> Callable[[Simulation], Carried | None]:
-    """Return what lets a run carry derivatives along, where it can have them.
+    """Return a function that lets a run compute derivatives, if it can.
 
-    Where it cannot, its log says why, and so does the file of the derivatives.
+    If it cannot, its log says why, and so does the file of the derivatives.
     """
     path = folder / DERIVATIVES_NAME
 

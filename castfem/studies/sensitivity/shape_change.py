@@ -1,10 +1,10 @@
-"""What the strained slice does to the heat balance of a coupling window, differentiated.
+"""Derivatives of the effects of the strained slice on the heat balance of a coupling window.
 
-Beside the gap, which the laws of the surface see, that is the heat of viscoplastic work and what
-the motion of the slice does to conduction, surface and filled volume.
-Each is a linear form, assembled for the slice as it is; its derivative by the displacement is a
-bilinear form, assembled once for all parameters.  Surface and volume are the same throughout a
-window, conduction is that of the temperatures of a stage.
+Besides the gap, which is part of the surface laws, these are the heat of viscoplastic work and the
+effect of the motion on conduction, surface and filled volume. Each is a linear form, assembled for
+the present slice; its derivative by the displacement is a bilinear form, assembled once for all
+parameters. Surface and volume are constant throughout a window; conduction depends on the
+temperatures of a stage.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class ByMotion:
 
     Args:
         section: The section.
-        shape: The slice, on which the form hangs.
-        name: Of the form.
-        form: Tested with functions of the vertices; it goes with the thickness of the slice.
+        shape: Deformation of the slice, on which the form depends.
+        name: Name of the form.
+        form: Tested with functions of the vertices; proportional to the thickness of the slice.
     """
 
     def __init__(self, section: Section, shape: Shape, name: str, form: ufl.Form) -> None:
@@ -45,12 +45,12 @@ class ByMotion:
         self._in, self._out = self._matrix.createVecs()
 
     def __call__(self, motions: Array, strains: Array, here: Array | None = None) -> Array:
-        """Its derivatives (k, owned) by motions of the owned nodes (k, dofs) and strains (k, 4).
+        """Derivatives (k, owned) for motions of the owned nodes (k, dofs) and strains (k, 4).
 
         Args:
             motions: The motions.
-            strains: That go with them.
-            here: The form as it is (owned,), if that is known (collective).
+            strains: Corresponding generalized strains.
+            here: Present values of the form (owned,), if known (collective).
         """
         assemble_into(self._matrix, self._change, [])
         found: Array = np.zeros((len(motions), self._owned))
@@ -70,9 +70,9 @@ class ByMotion:
     def _by_strain(self, component: int, here: Array) -> Array:
         """Derivative of the form by a generalized strain (owned,) (collective)."""
         value = self._shape.generalized_strains.value
-        if component == 0 and not value[1:].any():  # the form goes with the thickness
+        if component == 0 and not value[1:].any():  # the form is proportional to the thickness
             return np.asarray(here / (1.0 + value[0]))
-        given, by = value[component], 1e-6  # shares are all but linear in it
+        given, by = value[component], 1e-6  # the shares are almost linear in it
         value[component] = given + by
         change = (assemble_owned(self._form, self._owned) - here) / by
         value[component] = given
@@ -85,19 +85,18 @@ class ByMotion:
 
 
 class ShapeChange:
-    """Derivatives of the terms of the heat balance that the shape of the slice enters.
+    """Derivatives of the terms of the heat balance that depend on the shape of the slice.
 
-    In a stage, M (H - H_base) + tau (L theta + w q - M s) = 0, these are L, the conduction, w, the
-    shares of the surface, and M, the volume that its steel fills.
+    In a stage, M (H - H_base) + tau (L theta + w q - M s) = 0, these are the conduction L, the
+    perimeter shares w, and M, the volume of the steel.
 
     Args:
-        problem: The heat balance of a slice that moves.
-        surface: Of the strand.
-        count: How many parameters there are.
+        problem: The heat balance of a moving slice.
+        surface: Surface of the strand.
+        count: Number of parameters.
 
     Attributes:
-        filled: Derivative of the volume that the vertices' steel fills, over the undeformed one
-            (parameters, owned).
+        filled: Derivative of the relative volume of the vertices' steel (parameters, owned).
     """
 
     def __init__(self, problem: ThermalProblem, surface: Surface, count: int) -> None:
@@ -121,13 +120,13 @@ class ShapeChange:
         self._weights: list[tuple[Patch, Array]] = []
 
     def follow(self, motions: Array, strains: Array, before: Array, solid: Flags) -> None:
-        """Take up how the slice, through which heat flows now, moves with the parameters.
+        """Set the motion of the slice with the parameters.
 
         Args:
-            motions: Of this rank's nodes, ghosts included (parameters, dofs), m.
+            motions: Motions of this rank's nodes, including ghosts (parameters, dofs), m.
             strains: Generalized strains (parameters, 4).
-            before: `filled` of the window before.
-            solid: Vertices that are (owned,).
+            before: `filled` of the previous window.
+            solid: Solid vertices (owned,).
         """
         owned = motions[:, : dof_values.owned_of(self._shape.displacement.function_space)]
         self._motions, self._strains = owned, strains
@@ -137,7 +136,7 @@ class ShapeChange:
         self._weights = self._surface.spread(shares)
 
     def of_stage(self, stage: Stage) -> Array:
-        """What stands on the right of a stage (parameters, owned), J/m (collective)."""
+        """Right-hand side of a stage (parameters, owned), J/m (collective)."""
         space = self._theta.function_space
         self._theta.x.array[:] = dof_values.with_ghosts(space, stage.point.conduction)
         here = self._problem.conducted(stage.point.conduction)
@@ -156,15 +155,16 @@ class ShapeChange:
 
 @dataclass(slots=True)
 class Feedback:
-    """Derivatives of what a window hands to its thermal steps, by each parameter."""
+    """Derivatives of the effects of a window on its thermal steps, by each parameter."""
 
-    duration: float  #: of the window, s
-    #: of the heat of viscoplastic work (parameters, owned), J/m3; empty without
+    duration: float  #: duration of the window, s
+    #: derivatives of the heat of viscoplastic work (parameters, owned), J/m3; empty without
     heating: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    shape: ShapeChange | None = None  #: of the shape; None where heat does not follow it
+    #: derivatives of the shape; None if heat is computed on the undeformed slice
+    shape: ShapeChange | None = None
 
     def of_stage(self, stage: Stage, problem: ThermalProblem) -> Array:
-        """What stands on the right of a stage (parameters or 1, owned), J/m (collective)."""
+        """Right-hand side of a stage (parameters or 1, owned), J/m (collective)."""
         found: Array = np.zeros((1, len(stage.enthalpy)))
         if self.heating.size:
             found = stage.tau / self.duration * problem.area * self.heating
@@ -173,11 +173,11 @@ class Feedback:
         return found
 
     def gained(self, share: float, change: Array, problem: ThermalProblem) -> Array:
-        """Derivatives of what leaves in a step beside that by its change of enthalpy, J/m.
+        """Derivatives of the heat leaving in a step, other than by its change of enthalpy, J/m.
 
         Args:
-            share: Of the window that the step is.
-            change: Of the enthalpy over the step (owned,), J/m3.
+            share: Step length over that of the window.
+            change: Change of the enthalpy over the step (owned,), J/m3.
             problem: The heat balance.
 
         Returns:

@@ -1,4 +1,4 @@
-"""What a step of the slice begins with, and the derivatives of its states."""
+"""Input of a step of the slice, and derivatives of its states."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from castfem.physics.mechanics.state import MechanicalState
 
 RATES = ("rate", "scalar_rate")
 CARRIED = ("displacement", "generalized_strains", "scalars", *RATES, "stress", "internal")
-"""Parts of a mechanical state that depend on what was before."""
+"""Parts of a mechanical state that depend on its history."""
 
 Slopes = dict[str, Array]
-"""Derivatives of a state by its parts: `CARRIED`, and the numbers of contact."""
+"""Derivatives of a state by its parts: `CARRIED`, and the arrays of contact."""
 
 
 def none_of(state: MechanicalState) -> Slopes:
-    """Derivatives of a state that depends on no parameter."""
+    """Zero derivatives of a state."""
     found = {name: np.zeros_like(getattr(state, name)) for name in CARRIED}
     if state.contact is not None:
         found |= {name: np.zeros_like(v) for name, v in state.contact.numbers().items()}
@@ -41,7 +41,7 @@ def moved(state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
 
 
 def with_numbers(state: MechanicalState, numbers: Slopes) -> MechanicalState:
-    """A state with other numbers, by their names in `Slopes`."""
+    """A state with other arrays, by their names in `Slopes`."""
     changed: dict[str, Any] = {name: numbers[name] for name in CARRIED}
     if state.contact is not None:
         touched: dict[str, Any] = {
@@ -56,17 +56,17 @@ def with_numbers(state: MechanicalState, numbers: Slopes) -> MechanicalState:
 
 @dataclass(frozen=True, slots=True)
 class Stressed:
-    """The points of a step that have stress: of fed liquid those of its deep cells have none."""
+    """The points of a step with stress: not those of deep cells of fed liquid."""
 
-    kept: Indices  #: of the active points, these (m,)
-    rows: Indices  #: of all points, these (m,)
-    deviators: int  #: how many are of the deviator's rule; they come first
+    kept: Indices  #: their indices among the active points (m,)
+    rows: Indices  #: their indices among all points (m,)
+    deviators: int  #: number of points of the deviator's rule; they come first
     stress: Array  #: at the start of the step (m, 4), Pa
     internal: Array  #: state of the law there (m, states)
     before: Array  #: temperatures at its start (m,), K
-    after: Array  #: at its end
+    after: Array  #: temperatures at its end
     now: Array  #: stress at its end (m, 4), Pa
-    fed: FedPoints | None  #: the liquid among them; None where it is an elastic body
+    fed: FedPoints | None  #: the fed liquid among them; None for an elastic body
 
     @classmethod
     def of(
@@ -76,7 +76,7 @@ class Stressed:
         state: MechanicalState,
         points: tuple[Array, Array],
     ) -> Stressed:
-        """Those of the step that a run has taken, from the temperatures at all points, K."""
+        """Make those of a step of the run, from the temperatures at all points, K."""
         active, fed = run.active, run.fed
         kept = np.arange(active.count) if fed is None else np.flatnonzero(fed.carries)
         if fed is not None:
@@ -97,15 +97,15 @@ class Stressed:
 
 @dataclass(frozen=True, slots=True)
 class Beginning:
-    """What the sides of a parameter begin a step with."""
+    """Data of the sides of a parameter at the start of a step."""
 
-    old: MechanicalState  #: the state it began with
-    state: MechanicalState  #: at its end
+    old: MechanicalState  #: state at its start
+    state: MechanicalState  #: state at its end
     start: Slopes  #: derivatives of the old state
-    stressed: Stressed  #: points with stress, the same for all parameters
+    stressed: Stressed  #: points with stress, the same object for all parameters
     points: tuple[Array, Array]  #: temperatures at all points at its start and end (points,), K
-    warming: tuple[Array, Array]  #: derivatives of these, by the parameter
-    vertices: tuple[Array, Array]  #: those at the owned vertices (owned,), K
+    warming: tuple[Array, Array]  #: their derivatives by the parameter
+    vertices: tuple[Array, Array]  #: temperatures at the owned vertices (owned,), K
     late: tuple[float, float]  #: derivatives of the times at its start and end, s
 
     def times(self, by: float) -> tuple[float, float]:

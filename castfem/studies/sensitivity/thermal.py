@@ -1,4 +1,4 @@
-"""Derivatives of the temperatures, carried through the stages of each thermal step.
+"""Derivatives of the temperatures, through the stages of each thermal step.
 
 A stage solves, for the enthalpies H of the vertices (`castfem.physics.thermal.problem`),
 
@@ -8,10 +8,10 @@ Its derivative by a parameter p is one linear equation with the matrix of Newton
 
     J dH/dp = M dH_base/dp - d(tau F)/dp at held H,     J = M + tau dF/dH,
 
-and that of the base follows from the scheme.  The last term is the change of the laws alone: a
-central difference of them, at the enthalpies that are there, between simulations of the case on
-both sides of p; they have their own times, tau among them.  What p does to a law is linear or
-smooth, and the quotient is right to 1e-9 of it or so (docs/sensitivity.md).
+and that of the base follows from the scheme. The last term is the change of the laws alone: a
+central difference at the present enthalpies between simulations of the case on both sides of p,
+with their own times, including tau. Laws are linear or smooth in p, and the quotient is accurate to
+about 1e-9 (docs/sensitivity.md).
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from castfem.studies.sensitivity.shape_change import Feedback
 
 
 class StageTangent:
-    """The matrix of a stage at its solution: factored once, solved with for each parameter.
+    """The matrix of a stage at its solution: factored once, used for each parameter.
 
     With y = dtheta/dH dH/dp, the derivative of the conduction integral, it is symmetric,
 
         A y = r,     A = diag(M / (dtheta/dH) + tau w dq/dT / k) + tau L,
 
-    and positive wherever the stage has one solution.  Where freezing is isothermal dtheta/dH = 0:
-    there y = 0, and the balance of the vertex gives its enthalpy.
+    and positive if the stage has one solution. With isothermal freezing dtheta/dH = 0: there y = 0,
+    and the balance of the vertex gives its enthalpy.
 
     Attributes:
-        matrix: That was factored last.
-        solver: With its factor.
+        matrix: The matrix factored last.
+        solver: Solver with its factor.
     """
 
     def __init__(self, problem: ThermalProblem) -> None:
@@ -76,8 +76,9 @@ class StageTangent:
         """Factor the matrix at a solution (collective).
 
         Args:
-            point: What belongs to the enthalpies of the solution.
-            slope: Of the heat that leaves each vertex through the surface, d/dT (owned,), W/(m K).
+            point: Values for the enthalpies of the solution.
+            slope: Derivative of the heat leaving each vertex through the surface by T (owned,),
+                W/(m K).
             tau: Coefficient of the stage, s.
         """
         problem, matrix = self._problem, self.matrix
@@ -101,11 +102,11 @@ class StageTangent:
             )
 
     def solve(self, right: Array, fixed: Array) -> Array:
-        """DH/dp (parameters, owned); a back substitution each, all at once (collective).
+        """dH/dp (parameters, owned), by one back substitution each, all at once (collective).
 
         Args:
             right: Right-hand sides (parameters, owned), J/m.
-            fixed: DH/dp of the vertices whose temperature is given (parameters, n), J/m3.
+            fixed: dH/dp of the vertices with prescribed temperature (parameters, n), J/m3.
         """
         if not (self._any_held or self._given):
             return np.asarray(self._conduction(right) / self._slope)
@@ -123,7 +124,7 @@ class StageTangent:
         return np.asarray(found)
 
     def _conducted(self, conduction: Array) -> Array:
-        """Heat that leaves each vertex by conduction (parameters, owned), W/m."""
+        """Heat leaving each vertex by conduction (parameters, owned), W/m."""
         return np.array([self._problem.conducted(one) for one in conduction])
 
     def _conduction(self, right: Array) -> Array:
@@ -154,8 +155,8 @@ class ThermalDerivatives:
         enthalpy: dH/dp of each parameter (parameters, owned), J/m3 per unit of it.
         rate: d(dH/dt)/dp likewise, W/m3.
         removed: Derivatives of the heat removed from the modelled part (parameters,), J/m.
-        solves: Back substitutions so far.
-        feedback: Of the mechanics on the thermal steps of a window; None without any.
+        solves: Number of back substitutions.
+        feedback: Effects of the mechanics on the thermal steps of a window; None without any.
     """
 
     def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
@@ -177,7 +178,7 @@ class ThermalDerivatives:
         self._marked: tuple[Array, Array, Array] = (self.enthalpy, self.rate, self.removed)
 
     def warming(self, state: ThermalState) -> list[Array]:
-        """DT/dp of the vertices at the state these are of, by each parameter (owned,), K."""
+        """dT/dp of the vertices at the present state, by each parameter (owned,), K."""
         found = [np.asarray(state.point.temperature_slope * one) for one in self.enthalpy]
         for number, variation in enumerate(self.variations):
             if variation.curves is not None:
@@ -186,15 +187,15 @@ class ThermalDerivatives:
         return found
 
     def mark(self, state: ThermalState) -> None:
-        """Keep the derivatives of a committed state: a window that fails begins there again."""
+        """Keep the derivatives of a committed state, from which a failed window starts again."""
         self._begun, self._marked = state, (self.enthalpy, self.rate, self.removed)
 
     def restore(self, enthalpy: Array, rate: Array, removed: Array) -> None:
-        """Go on from derivatives that have been saved."""
+        """Continue from saved derivatives."""
         self.enthalpy, self.rate, self.removed = enthalpy, rate, removed
 
     def step(self, old: ThermalState, result: StepResult) -> None:
-        """Carry the derivatives through a step that has been kept (collective)."""
+        """Differentiate an accepted step (collective)."""
         if self._begun is not None and old.time == self._begun.time:
             self.enthalpy, self.rate, self.removed = self._marked
         self._enter(old.time)
@@ -215,7 +216,8 @@ class ThermalDerivatives:
                 base = started + (1.0 - GAMMA) * gained
         self.enthalpy = found
         comm, problem, feedback = self._simulation.section.comm, self._problem, self.feedback
-        # What the strand has lost has been removed: stages close their balance to rounding.
+        # Stages close their balance to rounding, so that the loss of the strand is the heat
+        # removed.
         if feedback is None:
             self.removed = reductions.totals(comm, (self._start - found) @ problem.volume)
             return
@@ -237,7 +239,7 @@ class ThermalDerivatives:
             self._zone = zone
 
     def _stage(self, stage: Stage, step: _Step, base: Array) -> Array:
-        """DH/dp at the end of a stage from that of its base (parameters, owned)."""
+        """dH/dp at the end of a stage from that of its base (parameters, owned)."""
         problem, point = self._problem, stage.point
         slope = surface_heat(problem.cooling, point.temperature, stage.time)[1]
         self._tangent.factor(point, slope, stage.tau)
@@ -259,10 +261,10 @@ class ThermalDerivatives:
     def _change(
         self, v: Variation, stage: Stage, step: _Step, number: int, slope: Array
     ) -> Array | None:
-        """D(tau F)/dp at the enthalpies of a stage (owned,), J/m per unit; None if it is 0.
+        """d(tau F)/dp at the enthalpies of a stage (owned,), J/m per unit; None if it is 0.
 
-        Where laws and times are those of the run, heat crosses the surface by another temperature
-        alone: `slope` (owned,), W/(m K), times its change.
+        If laws and times are those of the run, only the surface temperature changes the heat: by
+        `slope` (owned,), W/(m K), times its change.
         """
         problem, point = self._problem, stage.point
         alike = v.above.same_cooling and v.below.same_cooling and self.feedback is None
@@ -272,7 +274,8 @@ class ThermalDerivatives:
         sides = tuple(zip((v.above, v.below), step.own[number], (1.0, -1.0), strict=True))
         weights = [sign * share * span / v.span for _, (_, span), sign in sides]
         mean, longer = 0.5 * (weights[0] - weights[1]), sum(weights)
-        conduction = longer * point.conduction if longer else None  # the same heat for longer
+        # the same heat flow for a longer time
+        conduction = longer * point.conduction if longer else None
         if v.curves is not None:
             by_curve = mean * v.curves.conduction(stage.enthalpy)
             conduction = by_curve if conduction is None else conduction + by_curve
@@ -299,11 +302,11 @@ class _Step:
     """A step of the run, and the corresponding steps on both sides of each parameter."""
 
     begin: float  #: s
-    span: float  #: its length, s
-    #: begin and length of each parameter above and below it, s
+    span: float  #: length, s
+    #: start and length for each parameter above and below it, s
     own: list[tuple[tuple[float, float], ...]]
     lengthened: Array  #: d span / dp (parameters,), s per unit
-    moving: list[int]  #: parameters of which it is not 0
+    moving: list[int]  #: parameters with a nonzero derivative
 
     @classmethod
     def of(cls, begin: float, end: float, variations: Sequence[Variation]) -> _Step:
@@ -319,7 +322,7 @@ class _Step:
 
 
 def _of_start(variation: Variation) -> Array:
-    """DH/dp of the enthalpies with which a run begins (owned,)."""
+    """dH/dp of the enthalpies at the start of a run (owned,)."""
     above, below = (
         np.asarray(starting_enthalpy(end.simulation)) for end in (variation.above, variation.below)
     )

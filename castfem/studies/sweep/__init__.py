@@ -1,1 +1,1 @@
-"""A table of cases: planned and checked as a whole, run in parallel, gathered in one table."""
+"""Sweeps: tables of cases, planned, checked, run in parallel, with a table of results."""

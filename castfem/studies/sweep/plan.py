@@ -1,4 +1,4 @@
-"""Which runs a sweep has: the product of the values of its keys, or the rows of a table."""
+"""Plans the runs of a sweep: the product of the values of its keys, or the rows of a table."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class NameLengths:
 
 
 LENGTHS = NameLengths()
-_NAME = "name"  # of the column that names the runs
-_OWN = ("sweep", "compare", "report")  # what lies beside the runs, whatever the ending
-_LABEL = "sweep"  # where a value was written, in messages
+_NAME = "name"  # name of the column that names the runs
+_OWN = ("sweep", "compare", "report")  # files beside the runs, with any ending
+_LABEL = "sweep"  # origin of a value in messages
 _QUOTED = (
-    "(a cell with commas stands in quotes, quotes within it doubled; or part the cells by "
-    "semicolons, in the header, too)"
+    "(put a cell with commas in quotes, and double quotes within it; or separate the cells by "
+    "semicolons, also in the header)"
 )
 
 
@@ -41,18 +41,18 @@ _QUOTED = (
 class Variant:
     """One run of a sweep."""
 
-    name: str  #: of its folder, made of what is varied: it stays the same when values are added
+    name: str  #: name of its folder, made of the varied values: unchanged when values are added
     given: Mapping[str, str]
-    """Key to value as the user wrote it, of what is varied; empty for what is left out."""
+    """Values of the varied keys as written by the user; empty for those left out."""
     case: Case
     label: str = ""
-    """What tables and figures call it: its row's name, and what else is varied; empty if its
-    row has none."""
+    """Name in tables and figures: its row's name, and other varied values; empty if its row has
+    none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of the table of runs: its name, if it has one, its values by key, where it stands."""
+    """A row of the table of runs: its name, if any, its values by key, and its place."""
 
     name: str
     values: Mapping[str, str]
@@ -63,7 +63,7 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
     """Return the runs of a sweep: each row of the table with each combination of the values.
 
     Args:
-        base: The case that is varied.
+        base: The case to vary.
         assignments: `key=value,value,...`; a key with one value is set in all runs.
         table: CSV file; its header names the keys, `key [unit]`, and may have the column `name`.
     """
@@ -75,7 +75,7 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
             key, values = read_assignment(assignment)
             key = full_key(Case, document, key)
             if key in keys:
-                raise ValueError(f"{key} is given twice; write all values behind one --set")
+                raise ValueError(f"{key} is given twice; write all values in one --set")
             keys[key] = values
         except ValueError as error:
             problems.append(f'--set "{assignment}": {error}')
@@ -86,7 +86,7 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
         except ValueError as error:
             problems.append(f"{table}: {error}")
         twice = keys.keys() & {key for row in rows for key in row.values}
-        problems += [f"{table}: {key} stands behind --set, too" for key in sorted(twice)]
+        problems += [f"{table}: {key} is also given by --set" for key in sorted(twice)]
     if not problems and not keys and table is None:
         problems.append("nothing to sweep; give --set KEY=VALUE,VALUE or --table RUNS.csv")
     if problems:
@@ -97,7 +97,7 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
 def _variants(
     base: Case, rows: Sequence[Row], keys: Mapping[str, tuple[str, ...]]
 ) -> tuple[Variant, ...]:
-    """Build and validate every case."""
+    """Build and validate all cases."""
     several = [key for key, values in keys.items() if len(values) > 1]
     varied = [*_differing(rows), *several] or [*rows[0].values, *keys]
     found: dict[str, Variant] = {}
@@ -125,7 +125,7 @@ def _variants(
 
 
 def _steel_problems(variants: Iterable[Variant]) -> list[str]:
-    """Return what is wrong with the steels, each of which is looked at once."""
+    """Return the faults of the steels, each of which is checked once."""
     from castfem.physics.materials import load_steel
 
     problems: list[str] = []
@@ -146,7 +146,7 @@ def _steel_problems(variants: Iterable[Variant]) -> list[str]:
 
 
 def _differing(rows: Sequence[Row]) -> list[str]:
-    """Return the keys whose values are not the same in all rows of the table."""
+    """Return the keys whose values differ between rows of the table."""
     names = dict.fromkeys(key for row in rows for key in row.values)
     return [key for key in names if len({row.values.get(key, "") for row in rows}) > 1]
 
@@ -154,10 +154,10 @@ def _differing(rows: Sequence[Row]) -> list[str]:
 def read_assignment(assignment: str) -> tuple[str, tuple[str, ...]]:
     """Return key and values of `key=value,value`.
 
-    Commas within quotes or brackets part nothing: `fields=["temperature"],[]` has two values.
+    Commas within quotes or brackets do not separate: `fields=["temperature"],[]` has two values.
 
     Raises:
-        ValueError: It is not written so, or a value is missing or comes twice.
+        ValueError: It has another form, or a value is missing or occurs twice.
     """
     key, equals, text = assignment.partition("=")
     if not equals or not key.strip():
@@ -171,7 +171,7 @@ def read_assignment(assignment: str) -> tuple[str, tuple[str, ...]]:
 
 
 def split_values(text: str) -> tuple[str, ...]:
-    """Return the parts between the commas that stand outside of quotes and brackets."""
+    """Return the parts between commas outside of quotes and brackets."""
     parts, depth, quote = [""], 0, ""
     for letter in text:
         if quote:
@@ -188,7 +188,7 @@ def split_values(text: str) -> tuple[str, ...]:
 
 
 def value_of(text: str) -> Any:
-    """Return a value as it would stand in a case file: TOML, or else a text."""
+    """Return a value as in a case file: TOML, or else a text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -198,10 +198,10 @@ def value_of(text: str) -> Any:
 def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
     """Return the rows of a CSV file with a header of keys, `casting.speed [m/min],name`.
 
-    A number takes the unit of its column; an empty cell leaves the value of the case.
+    A number takes the unit of its column; an empty cell keeps the value of the case.
 
     Raises:
-        ValueError: It cannot be read, or its header or a row is not as it must be.
+        ValueError: It cannot be read, or its header or a row is invalid.
     """
     file = read_csv(path)
     if not file.rows:
@@ -230,23 +230,23 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
 
 
 def _check_name(name: str, line: int, rows: Iterable[Row]) -> None:
-    """Refuse the name of a row that no folder can have, or that another row has."""
+    """Refuse a row name that is not a valid folder name, or that another row has."""
     if any(other.name == name for other in rows):
         raise ValueError(f"line {line}: two rows are named {shortened(name)}")
     if not _safe(name):
         raise ValueError(
-            f'line {line}: the name "{shortened(name)}" makes no name of a folder; give it letters '
+            f'line {line}: the name "{shortened(name)}" cannot name a folder; give it letters '
             "(A to Z) or digits"
         )
     if name.partition(".")[0] in _OWN:
         raise ValueError(
-            f'line {line}: the name "{shortened(name)}" is kept for files of the sweep; choose '
+            f'line {line}: the name "{shortened(name)}" is reserved for files of the sweep; choose '
             f"another than {', '.join(_OWN)}"
         )
     if len(name) > LENGTHS.folder:
         raise ValueError(
-            f'line {line}: the name "{shortened(name)}" has {len(name)} characters; a folder is '
-            f"named so, give at most {LENGTHS.folder}"
+            f'line {line}: the name "{shortened(name)}" has {len(name)} characters; it names a '
+            f"folder, give at most {LENGTHS.folder}"
         )
 
 
@@ -267,7 +267,7 @@ def brief(given: Mapping[str, str]) -> list[str]:
 
 
 def shortened(value: str) -> str:
-    """Return a value without its quotes, cut where it would fill a table: tables within it, say."""
+    """Return a value without quotes, shortened if too long for a table."""
     text = value.strip("\"'")
     return text if len(text) <= LENGTHS.value else f"{text[: LENGTHS.value - 4]} ..."
 
@@ -286,5 +286,5 @@ def run_name(given: Mapping[str, str]) -> str:
 
 
 def _safe(text: str) -> str:
-    """Return a text with the letters that every file system and shell takes."""
+    """Return a text reduced to characters valid in every file system and shell."""
     return re.sub(r"[^\w.+-]+", "_", text.replace("%", " percent "), flags=re.ASCII).strip("_.")

@@ -1,4 +1,4 @@
-"""A folder of runs: sweep.json tells which need not be run again; the table is in sweep.csv."""
+"""A folder of runs: sweep.json records which are finished; sweep.csv has the table."""
 
 from __future__ import annotations
 
@@ -37,27 +37,28 @@ Status = Literal["finished", "failed", "waiting"]
 
 @dataclass(slots=True)
 class Entry:
-    """A run of the sweep, now or in an earlier call."""
+    """A run of the sweep, of this or an earlier call."""
 
-    given: dict[str, str] = field(default_factory=dict)  #: key to value of what is varied
-    label: str = ""  #: what tables and figures call it, if not what is varied
-    physics: str = ""  #: hash of all its fields depend on, property files too; "" until it finishes
+    given: dict[str, str] = field(default_factory=dict)  #: values of the varied keys
+    label: str = ""  #: name in tables and figures, if not the varied values
+    #: hash of all input of its fields, including property files; "" until it finishes
+    physics: str = ""
     message: str = ""  #: why it failed
     seconds: float = 0.0  #: duration
 
     @property
     def status(self) -> Status:
-        """What has become of it."""
+        """Status of the run."""
         return "failed" if self.message else "finished" if self.physics else "waiting"
 
 
 def _untitled(case: str) -> list[str]:
-    """A resolved case without its title, in which no result is."""
+    """Lines of a resolved case without its title, which affects no result."""
     return [line for line in case.splitlines() if not line.startswith("title = ")]
 
 
 def _is_of(folder: Path, job: Job) -> bool:
-    """Whether a run is that of a case, its copies of property files those of today.
+    """Whether a run belongs to a case, with equal copies of property files.
 
     Raises:
         OSError, InputError: A file cannot be read.
@@ -69,14 +70,14 @@ def _is_of(folder: Path, job: Job) -> bool:
 
 
 def check_own(folder: Path, names: Iterable[str]) -> None:
-    """Refuse a folder that has files of names that castfem would write, and not by castfem."""
+    """Refuse a folder with files whose names castfem would use, but that it has not written."""
     if (folder / SWEEP_NAME).is_file():
         return
     for name in names:
         if (folder / name).exists():
             raise InputError(
-                f"{folder}: castfem would write its {name}, and has not written the one that is "
-                "there; choose another folder, or move the file"
+                f"{folder}: {name} was not written by castfem and would be overwritten; choose "
+                "another folder, or move the file"
             )
 
 
@@ -84,8 +85,8 @@ def check_folder(folder: Path | str, caller: str = "") -> Path:
     """Return the path of a folder for many runs.
 
     Args:
-        folder: The folder; it need not be there.
-        caller: The function that is called with it; "" for the command line.
+        folder: The folder, which need not exist.
+        caller: Name of the calling function; "" for the command line.
     """
     where, other = (f"{caller}: folder: ", "") if caller else ("", " with -o")
     if not isinstance(folder, str | Path):
@@ -107,19 +108,19 @@ def prepare(
     overwrite: bool = False,
     after: Callable[[Path], object] | None = None,
 ) -> tuple[Record, tuple[Job, ...]]:
-    """Look at what is finished in a folder, make it ready for the rest, and return that.
+    """Check which runs in a folder are finished; prepare and return the rest.
 
     Args:
-        folder: Where the runs lie, a folder each.
+        folder: Folder of the runs.
         variants: All runs.
-        mine: Those that are to be made here; all if None.
-        resume: Whether runs that were cut short go on from their checkpoints.
-        overwrite: Run all anew, also over runs of other cases.
+        mine: Those to be made here; None for all.
+        resume: Whether interrupted runs continue from their checkpoints.
+        overwrite: Repeat all runs, also over runs of other cases.
         after: Called with the folder of each finished run; see `Job`.
     """
     record, own = Record(folder), variants if mine is None else mine
     if not overwrite:
-        record.find(own)  # what has ended and could not be noted any more
+        record.find(own)  # runs that ended without being recorded
     jobs = [Job(one.name, folder / one.name, one.case, resume, after) for one in own]
     missing = record.unfinished(jobs, overwrite=overwrite)
     record.begin(variants, {one.name for one in own})
@@ -130,18 +131,18 @@ class Record:
     """The runs in a folder, by name.
 
     Attributes:
-        folder: Of the sweep; the folders of its runs lie in it.
-        entries: Name to run.
+        folder: Folder of the sweep, which contains the folders of its runs.
+        entries: Runs by name.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Reads sweep.json if it is there."""
+        """Read sweep.json if it exists."""
         self.folder = folder
         self.entries: dict[str, Entry] = {}
         self._read()
 
     def _read(self) -> None:
-        """Takes the entries of sweep.json for those of this record."""
+        """Replace the entries of this record by those of sweep.json."""
         path = self.folder / SWEEP_NAME
         if not path.is_file():
             return
@@ -156,16 +157,16 @@ class Record:
             raise InputError(f"{path}: cannot be read ({error}); choose another folder") from None
 
     def reload(self) -> None:
-        """Take in what other processes have noted."""
+        """Read the entries written by other processes."""
         mine, self.entries = self.entries, {}
         self._read()
         self.entries = mine | self.entries
 
     @contextmanager
     def shared(self) -> Iterator[None]:
-        """Change entries while other processes do the same: what they have noted is kept.
+        """Change entries while other processes do the same: their entries are kept.
 
-        On a file system without locks the last one to write wins; `find` mends that.
+        On a file system without locks the last writer wins; `find` repairs that.
         """
         from filelock import FileLock
 
@@ -179,7 +180,7 @@ class Record:
             self.save()
 
     def begin(self, variants: Iterable[Variant] = (), mine: Container[str] | None = None) -> None:
-        """Make the folder, and write which runs are to be; see `expect`."""
+        """Make the folder, and write the expected runs; see `expect`."""
         try:
             with self.shared():
                 self.expect(variants, mine)
@@ -187,7 +188,7 @@ class Record:
             raise InputError(folder_refused(self.folder, error)) from None
 
     def expect(self, variants: Iterable[Variant], mine: Container[str] | None = None) -> None:
-        """Take in the runs that are to be: nothing is known of those that are run here (`mine`)."""
+        """Add the expected runs; those run here (`mine`) have no known results."""
         for variant in variants:
             job = Job(variant.name, self.folder / variant.name, variant.case)
             here = mine is None or variant.name in mine or variant.name not in self.entries
@@ -197,7 +198,7 @@ class Record:
             entry.given, entry.label = dict(variant.given), variant.label
 
     def is_finished(self, job: Job) -> bool:
-        """Return whether the very same run has ended well: case, output and property files."""
+        """Return whether exactly this run has finished: case, output and property files."""
         entry = self.entries.get(job.name)
         if entry is None or not (job.folder / RUN_NAME).is_file():
             return False
@@ -212,7 +213,7 @@ class Record:
         return status == "finished" and _untitled(existing) == _untitled(now)
 
     def unfinished(self, jobs: Iterable[Job], *, overwrite: bool) -> tuple[Job, ...]:
-        """Return the jobs that are to be run, having looked at the folder of each."""
+        """Return the jobs still to be run, after checking the folder of each."""
         found, problems = list[Job](), list[str]()
         for job in jobs:
             if not overwrite and self.is_finished(job):
@@ -231,16 +232,16 @@ class Record:
         return tuple(found)
 
     def note(self, job: Job, outcome: Outcome) -> None:
-        """Write down how a run has ended, beside other processes that do the same."""
+        """Record the outcome of a run, while other processes may do the same."""
         with self.shared():
             entry = self.entries.setdefault(job.name, Entry())
             entry.physics = "" if outcome.failed else job.case.physics_hash()
             entry.message, entry.seconds = outcome.message, round(outcome.seconds, 3)
 
     def find(self, variants: Iterable[Variant]) -> None:
-        """Take in what the folders of runs say, whoever has run them.
+        """Add the information in the folders of runs, whoever made them.
 
-        A run counts as finished that has ended well with the very case and property files.
+        A run counts as finished if it has ended well with the same case and property files.
         """
         for variant in variants:
             folder = self.folder / variant.name
@@ -276,21 +277,21 @@ class Row:
     """A run and its results."""
 
     name: str  #: of the run
-    given: Mapping[str, str]  #: key to value of what is varied
+    given: Mapping[str, str]  #: values of the varied keys
     status: Status
-    quantities: Mapping[str, Quantity]  #: its results, empty if it has none
+    quantities: Mapping[str, Quantity]  #: its results, empty if there are none
     seconds: float  #: duration
     message: str  #: why it failed
-    label: str = ""  #: what it is called, if not by what is varied
+    label: str = ""  #: its name, if not the varied values
 
 
 def rows(names: Iterable[str], record: Record, at: Sequence[float] = ()) -> list[Row]:
-    """Return the rows of a sweep as it stands.
+    """Return the rows of a sweep in its present state.
 
     Args:
-        names: Of its runs.
-        record: What has become of them.
-        at: Positions, m; the results there stand before those at the end.
+        names: Names of its runs.
+        record: Record of their outcomes.
+        at: Positions, m; the results there come before those at the end.
     """
     found = []
     for name in names:
@@ -325,7 +326,7 @@ def _results_at(folder: Path, at: Sequence[float]) -> dict[str, Quantity]:
 
 
 def write_table(path: Path, table: Sequence[Row]) -> None:
-    """Write every quantity of the runs in documented units as CSV, a row a run."""
+    """Write all quantities of the runs in documented units as CSV, one row per run."""
     keys, cells = varied(table)
     names = {name: q.shown_unit for row in table for name, q in row.quantities.items()}
     results = [f"{name} [{unit}]" for name, unit in names.items()]
@@ -340,9 +341,9 @@ def write_table(path: Path, table: Sequence[Row]) -> None:
 
 
 def varied(table: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Return the headers of what is varied, and its cells row by row.
+    """Return the headers of the varied keys, and their cells row by row.
 
-    The unit goes to the header if all values have the same one.
+    The unit is in the header if all values have the same one.
     """
     headers, columns = [], []
     for key in dict.fromkeys(key for row in table for key in row.given):

@@ -1,8 +1,8 @@
-"""One run of a sweep, in whichever process it happens; processes of this machine as an executor.
+"""One run of a sweep, in any process; and an executor of processes on this machine.
 
-A process makes one call after the other, so that DOLFINx is imported once in each. Where one dies
-`concurrent.futures.ProcessPoolExecutor` ends all others and accepts no further calls; here the call
-fails by itself, and the next one is made by a new process.
+A process makes one call after the other, so that DOLFINx is imported once in each. If one dies
+`concurrent.futures.ProcessPoolExecutor` ends all others and accepts no further calls; here only
+that call fails, and the next one is made by a new process.
 """
 
 from __future__ import annotations
@@ -41,37 +41,37 @@ Obstacle = Literal["", "in use", "file", "process"]
 
 @dataclass(frozen=True, slots=True)
 class Derivatives:
-    """Which derivatives a run is to carry along."""
+    """Derivatives that a run is to compute."""
 
     of: tuple[str, ...]  #: names of results
-    to: tuple[str, ...]  #: parameters, as `castfem sensitivity` takes them
+    to: tuple[str, ...]  #: parameters, as for `castfem sensitivity`
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What is to be run."""
+    """A run to be made."""
 
     name: str  #: of the run
-    folder: Path  #: where it writes
+    folder: Path  #: output folder
     case: Case
-    resume: bool = False  #: go on from the checkpoint, if there is one
+    resume: bool = False  #: continue from the checkpoint, if there is one
     after: Callable[[Path], object] | None = None
-    """Called with the folder of the finished run, such as `draw_figures`; a function of a
-    module, since it goes to other processes by name. None for nothing."""
+    """Called with the folder of the finished run, such as `draw_figures`; a function of a module,
+    since it is passed to other processes by name. None for nothing."""
     derivatives: Derivatives | None = None
-    """To be carried along, where the case has them; None for none. Such a run is begun anew,
-    not resumed."""
+    """Derivatives to compute, if the case has them; None for none. Such a run starts again instead
+    of being resumed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run has ended."""
+    """Outcome of a run."""
 
-    message: str = ""  #: why it failed, one line; empty if it did not
-    seconds: float = 0.0  #: how long it took
+    message: str = ""  #: why it failed, one line; "" if it did not
+    seconds: float = 0.0  #: its duration
     obstacle: Obstacle = ""
-    """What hindered it that is none of the case's: another run in its folder, a file that
-    cannot be written, the end of its process; empty for nothing."""
+    """An obstacle unrelated to the case: another run in its folder, a file that cannot be written,
+    the end of its process; "" for none."""
 
     @property
     def failed(self) -> bool:
@@ -80,7 +80,7 @@ class Outcome:
 
 
 class Stop(Progress):
-    """Stops a run after its step where its process shall end: PETSc would lose an exception."""
+    """Stops a run after a step when its process shall end, since PETSc would lose an exception."""
 
     wanted: ClassVar[bool] = False  #: whether this process shall end
 
@@ -90,10 +90,10 @@ class Stop(Progress):
     def update(
         self, position: float, time_s: float, newton: int, step: float, note: str = ""
     ) -> None:
-        """Note a step in the run's log, and stop after it if that is wanted.
+        """Log the progress of a step, and stop after it if wanted.
 
         Raises:
-            KeyboardInterrupt: It is.
+            KeyboardInterrupt: The process shall end.
         """
         super().update(position, time_s, newton, step, note)
         if self.wanted:
@@ -101,13 +101,13 @@ class Stop(Progress):
 
 
 def work(job: Job, comm: MPI.Comm | None = None) -> Outcome:
-    """Run a case; whatever goes wrong becomes the outcome's message.
+    """Run a case; any error becomes the message of the outcome.
 
-    A run of another thread of this process is waited for.
+    A run in another thread of this process is waited for.
 
     Args:
         job: The run.
-        comm: Ranks to run it on (collective); this process alone if None.
+        comm: Ranks of the run (collective); None for this process alone.
     """
     with one_at_a_time(wait=True):
         return _alone(job, comm)
@@ -121,7 +121,7 @@ def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
     if comm is None and MPI.COMM_WORLD.size > 1 and "petsc4py.PETSc" not in sys.modules:
         import petsc4py
 
-        petsc4py.init(comm=MPI.COMM_SELF)  # other ranks of an executor need not come along
+        petsc4py.init(comm=MPI.COMM_SELF)  # other ranks of an executor need not take part
     from castfem.runs import loop
 
     log.close()
@@ -156,7 +156,7 @@ def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
     finally:
         progress.stop()
         log.close()
-        gc.collect()  # meshes and their communicators stand in cycles
+        gc.collect()  # meshes and their communicators are in reference cycles
     return Outcome("", time.perf_counter() - begun)
 
 
@@ -173,8 +173,8 @@ class Processes(Executor):
     """Makes calls in processes of this machine.
 
     Args:
-        count: Largest number of processes; each is started when there is a call for it.
-        noise: File for what libraries print in the processes.
+        count: Largest number of processes; each is started when needed.
+        noise: File for the output of libraries in the processes.
     """
 
     def __init__(self, count: int, noise: Path) -> None:
@@ -184,7 +184,7 @@ class Processes(Executor):
         self._busy: list[_Process] = []
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **keywords: Any) -> Future[Any]:
-        """Make a call; the result raises `ProcessEnded` if the process dies of it."""
+        """Make a call; the result raises `ProcessEnded` if the process dies."""
         return self._threads.submit(self._call, partial(function, *args, **keywords))
 
     def _call(self, call: Callable[[], object]) -> object:
@@ -194,7 +194,7 @@ class Processes(Executor):
             process = _Process(self._noise)
         self._busy.append(process)
         try:
-            if self._closing:  # while it was started
+            if self._closing:  # while it was being started
                 process.process.terminate()
             value, error = process.call(call)
             self._idle.append(process)
@@ -205,7 +205,7 @@ class Processes(Executor):
         return value
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes after their calls, or at once: a run notes that it was stopped."""
+        """End the processes after their calls, or at once: a run records that it was stopped."""
         self._closing = cancel_futures
         self._threads.shutdown(wait=not cancel_futures, cancel_futures=cancel_futures)
         busy, idle = list(self._busy), list(self._idle)
@@ -226,19 +226,19 @@ class _Process:
     """A process that makes calls."""
 
     def __init__(self, noise: Path) -> None:
-        context = multiprocessing.get_context("spawn")  # a fork would share what MPI has set up
+        context = multiprocessing.get_context("spawn")  # a fork would share MPI's resources
         self.connection, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, noise), daemon=True)
         try:
             with _starting, _one_thread_each():
                 self.process.start()
         except BrokenPipeError:
-            raise ProcessEnded("its process ended as it was started") from None
+            raise ProcessEnded("its process ended during its start") from None
         finally:
             other.close()
 
     def call(self, call: Callable[[], object]) -> tuple[object, Exception | None]:
-        """Make a call in the process; return its value and the exception that it raised, if any."""
+        """Make a call in the process; return its value and its exception, if any."""
         try:
             self.connection.send(call)
             value, error = self.connection.recv()
@@ -249,7 +249,7 @@ class _Process:
 
 
 def _death(code: int | None) -> str:
-    """Say how a process came to its end."""
+    """Describe how a process ended."""
     if code is not None and code < 0:
         name = signal.Signals(-code).name
         hint = " (out of memory?)" if name == "SIGKILL" else ""
@@ -259,7 +259,7 @@ def _death(code: int | None) -> str:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Let processes that are started here compute with one thread."""
+    """Restrict processes started here to one thread each."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -273,11 +273,11 @@ def _one_thread_each() -> Iterator[None]:
 
 
 def _serve(connection: Connection, noise: Path) -> None:
-    """Make the calls that come, until the other end is closed (in the process)."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent decides
+    """Make the incoming calls until the other end is closed (in the process)."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent decides
     process.keep_hangup()
     for number in process.STOPS.keys() - {signal.SIGINT}:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as below nohup
+        if signal.getsignal(number) is not signal.SIG_IGN:  # such as under nohup
             signal.signal(number, lambda *_: setattr(Stop, "wanted", True))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with open(noise, "ab", buffering=0) as file:
@@ -293,15 +293,15 @@ def _serve(connection: Connection, noise: Path) -> None:
                 found = None, error
             connection.send(found)
             if not gc.get_freeze_count():
-                gc.freeze()  # what is imported stays: each run's end need not look through it
+                gc.freeze()  # modules stay: no search for garbage in them at the end of each run
     except (EOFError, OSError):
-        pass  # the parent needs no more runs, or is gone
+        pass  # the parent needs no more runs, or has ended
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGTERM)
 
 
 def _end_with_parent() -> None:
-    """Stop this process when its parent is gone, killed perhaps: after its step, or without."""
+    """Stop this process when its parent has ended: after its step, or at once."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

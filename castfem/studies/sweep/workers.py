@@ -1,6 +1,6 @@
-"""What makes several runs at once: processes, ranks, groups of ranks, an executor of the user.
+"""Makes several runs at once: in processes, on ranks, groups of ranks, or by an executor.
 
-An executor is anything with `submit(function, *arguments)`, which returns an object with `done`,
+An executor is any object with `submit(function, *arguments)`, which returns an object with `done`,
 `result` and `cancel`: those of `concurrent.futures`, `mpi4py.futures`, executorlib and submitit.
 """
 
@@ -36,19 +36,19 @@ def check_groups(ranks: int, size: int, name: str = "--ranks ") -> None:
 
 
 class Groups(Closing):
-    """Groups of ranks that stay for further jobs. All that it does is collective.
+    """Groups of ranks that make several runs. All methods are collective.
 
-    Each group takes the next run that no other has taken. Its number is on rank 0, and all groups
-    reach it without its owner's help: an executor of mpi4py would need a rank that gives out the
-    runs and makes none itself.
+    Each group takes the next run that no other has taken. The counter is on rank 0, and all groups
+    access it without help of its owner: an executor of mpi4py would need a rank that only
+    distributes the runs.
 
     Args:
         comm: All ranks.
-        ranks: Of a group; they divide all.
+        ranks: Ranks of a group; a divisor of all.
     """
 
     def __init__(self, comm: MPI.Intracomm, ranks: int) -> None:
-        self._comm = comm.Dup()  # its messages are no others'
+        self._comm = comm.Dup()  # separates its messages
         self._group = comm.Split(comm.rank // ranks, comm.rank)
         self._open = True
 
@@ -58,14 +58,15 @@ class Groups(Closing):
         begun: Callable[[Job], None] | None = None,
         ended: Callable[[Job, Outcome], None] | None = None,
     ) -> None:
-        """Make runs; rank 0 hears of those of other groups between its own and at the end.
+        """Make runs; rank 0 is informed of those of other groups between its own and at the end.
 
-        What `begun` or `ended` raises is raised after the last run: nobody is left waiting.
+        Exceptions of `begun` or `ended` are raised after the last run, so that no rank is left
+        waiting.
 
         Args:
-            jobs: What to run, in this order; those of rank 0 count.
-            begun: Called on rank 0 for each job, of another group when it has ended.
-            ended: Called there when it is known how a job has ended.
+            jobs: The runs, in this order; those of rank 0 count.
+            begun: Called on rank 0 for each job; for another group when it has ended.
+            ended: Called on rank 0 when the outcome of a job is known.
         """
         comm, first = self._comm, self._comm.rank == 0
         jobs = comm.bcast(tuple(jobs))
@@ -105,18 +106,18 @@ class Groups(Closing):
             raise error
 
     def close(self) -> None:
-        """Give the groups up."""
+        """Dissolve the groups."""
         if self._open:
             self._group.Free()
             self._comm.Free()
         self._open = False
 
     def _taken(self, count: int) -> Iterator[int]:
-        """Yield the numbers of the jobs that this group takes, the same on its ranks."""
+        """Yield the indices of the jobs that this group takes, equal on its ranks."""
         from mpi4py import MPI
 
         comm, group = self._comm, self._group
-        counter = np.zeros(1 if comm.rank == 0 else 0, np.int64)  # the next number, on rank 0
+        counter = np.zeros(1 if comm.rank == 0 else 0, np.int64)  # the next index, on rank 0
         window = MPI.Win.Create(counter, counter.itemsize, comm=comm)
         try:
             one, number = np.ones(1, np.int64), np.zeros(1, np.int64)
@@ -134,8 +135,8 @@ class Groups(Closing):
 
 
 LOG_NAME = "sweep.log"
-"""In a folder of runs: what libraries print in processes."""
-_TICK = 0.25  # s between two looks at the progress
+"""File in a folder of runs for the output of libraries in processes."""
+_TICK = 0.25  # s between two checks of the progress
 
 
 class Pending(Protocol):
@@ -148,7 +149,7 @@ class Pending(Protocol):
         """Its value; raises what the call, or the loss of its process, has raised."""
 
     def cancel(self) -> Any:
-        """Give it up, if it has not begun."""
+        """Cancel it, if it has not begun."""
 
 
 class CallExecutor(Protocol):
@@ -159,18 +160,18 @@ class CallExecutor(Protocol):
 
 
 def nothing(*_: object) -> None:
-    """Take no note of a run."""
+    """Ignore a run."""
 
 
 class Workers(Closing):
-    """Makes runs, one list after the other, by what is given; else in this process.
+    """Makes runs, list after list, by the given means; otherwise in this process.
 
     Args:
-        noise: File for what libraries print in processes.
-        processes: Largest number of processes, which stay for further runs; 0 for none.
+        noise: File for the output of libraries in processes.
+        processes: Largest number of processes, which are kept for further runs; 0 for none.
         comm: Ranks, the others within `serve`; a single one makes its runs itself.
-        ranks: Of each run; they divide those of `comm`.
-        executor: Makes the runs instead; it stays open.
+        ranks: Ranks of each run; they divide those of `comm`.
+        executor: Makes the runs instead; it is not closed.
     """
 
     def __init__(
@@ -195,13 +196,13 @@ class Workers(Closing):
         ended: Callable[[Job, Outcome], None] = nothing,
         tick: Callable[[], None] = nothing,
     ) -> None:
-        """Make all runs; an exception, Ctrl-C too, stops those that have not begun.
+        """Make all runs; an exception, including Ctrl-C, cancels those that have not begun.
 
         Args:
             jobs: The runs, in this order.
-            begun: Called when one has begun.
-            ended: Called when it has ended.
-            tick: Called a few times a second, but not where this process makes runs itself.
+            begun: Called when a run has begun.
+            ended: Called when a run has ended.
+            tick: Called a few times per second, but not while this process makes runs itself.
         """
         if not jobs:
             return
@@ -226,7 +227,7 @@ class Workers(Closing):
                 ended(job, work(job))
 
     def close(self) -> None:
-        """End the processes, and let the other ranks go."""
+        """End the processes, and release the other ranks."""
         if self._own is not None:
             self._own.shutdown(cancel_futures=True)
         if self._comm is not None:
@@ -237,7 +238,7 @@ class Workers(Closing):
 
 
 def serve(comm: MPI.Intracomm) -> None:
-    """Do a share of the runs of the workers of rank 0 until they are closed (on other ranks)."""
+    """Make runs for the workers of rank 0 until they are closed (on other ranks)."""
     groups: Groups | None = None
     while ranks := comm.bcast(0):
         if ranks == 1:
@@ -280,8 +281,8 @@ def run_jobs(
 ) -> None:
     """Make runs by an executor; return when the last has ended. See `Workers.run`.
 
-    A run that is lost with its process is submitted again, to be resumed from its checkpoint, twice
-    at most.
+    A run lost with its process is submitted again, to be resumed from its checkpoint, at most
+    twice.
     """
     waiting = {executor.submit(work, job): job for job in jobs}
     started: set[str] = set()
@@ -309,12 +310,12 @@ def run_jobs(
                 ended(job, outcome)
             tick()
     finally:
-        for call in waiting:  # an error of ours: those that have not begun need not
+        for call in waiting:  # a programming error: cancel those that have not begun
             call.cancel()
 
 
 def _wait(calls: Collection[Pending]) -> None:
-    """Wait until a call has ended, and not for long."""
+    """Wait until a call has ended, with a time limit."""
     futures = [call for call in calls if isinstance(call, Future)]
     if len(futures) == len(calls):
         wait(futures, timeout=_TICK, return_when=FIRST_COMPLETED)
@@ -323,7 +324,7 @@ def _wait(calls: Collection[Pending]) -> None:
 
 
 def _running(call: Pending) -> bool:
-    """Whether a call has begun; what does not say so has begun when it was submitted."""
+    """Whether a call has begun; without this information calls count as begun when submitted."""
     return call.running() if isinstance(call, Future) else True
 
 
@@ -331,10 +332,10 @@ def _submitted_again(executor: CallExecutor, job: Job) -> Pending | None:
     try:
         return executor.submit(work, replace(job, resume=True))
     except Exception:
-        return None  # the executor is broken by what was lost
+        return None  # the lost run has broken the executor
 
 
 def _said(error: Exception) -> str:
-    """What a lost run is said to have ended by, one line."""
+    """Reason for the end of a lost run, one line."""
     text = str(error).strip().partition("\n")[0]
     return text if isinstance(error, ProcessEnded) else f"{type(error).__name__}: {text}"

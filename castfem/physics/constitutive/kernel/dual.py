@@ -1,9 +1,9 @@
 """Numbers with a derivative, for which numba compiles the kernel a second time.
 
-A complex number stands for a value and, as its imaginary part, `TINY` times a derivative of it:
-products and quotients of complex numbers then follow the rules of derivatives, but for the square
-of `TINY`, which is far beyond rounding. What numba lacks for complex numbers is added here: they
-are compared by their values, and functions take the derivative along. It holds in compiled code.
+A complex number represents a value and, in its imaginary part, `TINY` times a derivative of it:
+products and quotients of complex numbers then follow the rules of differentiation up to the square
+of `TINY`, which is far below rounding. This module adds what numba lacks for complex numbers:
+comparison by value, and functions with their derivatives. It works in compiled code.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from numba.extending import lower_builtin, overload
 
 from castfem.base.compiled import compiled
 
-TINY = 2.0**-200  # a power of 2, by which nothing is rounded
+TINY = 2.0**-200  # a power of 2, so that multiplication is exact
 DUAL = types.complex128
 
 
 @compiled
 def fill(row, values, changes, i, j):  # type: ignore[no-untyped-def]
-    """Write values of a point, row i, with their change in a way j."""
+    """Write values of a point, row i, with their derivative j."""
     for m in range(row.shape[1]):
         row[0, m] = complex(values[i, m], TINY * changes[j, i, m])
 
@@ -55,7 +55,7 @@ def _log1p(a):  # type: ignore[no-untyped-def]
 
 
 def _sqrt(a):  # type: ignore[no-untyped-def]
-    value = math.sqrt(max(a.real, 0.0))  # of a sum of squares that is 0 but for that of `TINY`
+    value = math.sqrt(max(a.real, 0.0))  # of a sum of squares that is 0 up to the square of `TINY`
     return complex(value, 0.5 * a.imag / value if value > 0.0 else 0.0)
 
 
@@ -85,11 +85,11 @@ for _function, _written in (
 
 @lower_builtin(operator.lt, DUAL, DUAL)  # type: ignore[untyped-decorator]
 def _less(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    """By which `min` chooses."""
+    """Comparison used by `min`."""
     return context.compile_internal(builder, COMPARED[operator.lt], signature, args)
 
 
 @lower_builtin(operator.gt, DUAL, DUAL)  # type: ignore[untyped-decorator]
 def _greater(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    """By which `max` chooses."""
+    """Comparison used by `max`."""
     return context.compile_internal(builder, COMPARED[operator.gt], signature, args)

@@ -1,8 +1,8 @@
-"""Flow stress of each law at a plastic strain increment, and its derivatives.
+"""Flow stress of each law for a plastic strain increment, with derivatives.
 
-Each function gets the row `c` of coefficients of a point, see `constants`. The strain that
-hardens is `old` at first and grows by what recovery leaves, `left`, of the increment; `aside` is
-what of a signed strain lies across the flow.
+Each function takes the row `c` of coefficients of a point, see `constants`. The hardening strain is
+`old` initially and grows by the fraction `left` (after recovery) of the increment; `aside` is the
+part of a signed strain across the flow.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ from castfem.physics.constitutive.kernel.constants import (
     YOUNG,
 )
 
-HUGE_LN = 600.0  # logarithms are cut here, so that no exponential overflows
+HUGE_LN = 600.0  # largest logarithm, so that no exponential overflows
 
 
 @compiled
 def exp(x):  # type: ignore[no-untyped-def]
-    """The exponential function, which does not overflow."""
+    """Exponential function without overflow."""
     return math.exp(min(x, HUGE_LN))
 
 
 @compiled
 def back_stress_gain(c, old, aside, gain):  # type: ignore[no-untyped-def]
-    """Change of austenite's back stress along the flow, by a gain in strain along it.
+    """Change of austenite's back stress along the flow for a gain in strain along it.
 
     X = f1 r^f2 along E, r its equivalent strain with the parts `old` along the flow and `aside`
     across it: along the flow f1 r^(f2-1) (old + gain).
 
     Returns:
-        The change, its derivative by the gain, and by `old`.
+        The change, and its derivatives with respect to the gain and to `old`.
     """
     m, u = c[HARDENING_EXPONENT] - 1.0, old + gain
     before = math.sqrt(old * old + aside * aside)
@@ -68,13 +68,13 @@ def back_stress_gain(c, old, aside, gain):  # type: ignore[no-untyped-def]
     by_gain = level * (1.0 + m * share * share)
     if before == 0.0:
         return level * u, by_gain, 0.0
-    # The flow turns against a strain tensor that stays: r by `old` is gain / r.
+    # The flow turns relative to a constant strain tensor: dr / d old is gain / r.
     return level * gain + grown * old, by_gain, grown + level * m * share * gain / r
 
 
 @compiled
 def _steel_flow(c, old, aside, left, signed, z, increment, ln_dt):  # type: ignore[no-untyped-def]
-    """Kozlowski III weighted with the delta-ferrite law: S - S0, derivatives by z and by `old`."""
+    """Kozlowski III and the delta-ferrite law, weighted: S - S0, derivatives by z and by `old`."""
     stress, slope, by_old = 0.0, 0.0, 0.0
     weight, gain = c[DELTA_WEIGHT], left * increment
     if weight < 1.0:
@@ -108,9 +108,9 @@ def _steel_flow(c, old, aside, left, signed, z, increment, ln_dt):  # type: igno
 
 @compiled
 def fastest(kind, c, ln_stress, ln_dt):  # type: ignore[no-untyped-def]
-    """Value of ln dp at which the rate alone takes a stress above S0.
+    """Value of ln dp at which the viscous stress alone equals a stress above S0.
 
-    Where strain hardens dp is no larger. Infinite where a law has no such bound.
+    With strain hardening dp is no larger. Infinite if a law has no such bound.
     """
     if kind == CREEP:
         return ln_dt + c[LN_FACTOR] + c[EXPONENT] * ln_stress
@@ -132,7 +132,7 @@ def strain_factor(c, strain):  # type: ignore[no-untyped-def]
 
 @compiled
 def hardening_strain(old, gain):  # type: ignore[no-untyped-def]
-    """Strain that hardens, and its derivative by a gain: none while flow goes back."""
+    """Hardening strain, and its derivative with respect to a gain: zero while flow is reversed."""
     strain = old + gain
     if strain < 0.0:
         return 0.0, 0.0

@@ -61,9 +61,8 @@ def differentiate_points(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Derivatives of what `calling.integrate_points` writes, as what it is given changes in k ways.
 
-    A point is solved for; from there one step of Newton's method with numbers that have a
-    derivative (`dual`) ends where the point was, and has that of the solution. What flows goes on
-    flowing.
+    A point is solved first; one further Newton step with numbers that carry a derivative (`dual`)
+    stays at the solution and gives its derivative. Flowing points keep flowing.
 
     Args:
         kind: As in `calling.integrate_points`; so are the following up to `dt`.
@@ -74,15 +73,15 @@ def differentiate_points(  # type: ignore[no-untyped-def]
         stress_old: (n, 4).
         state_old: (n, states).
         dt: s.
-        d_coefficients: Change in each way (k, n, columns).
+        d_coefficients: Derivatives (k, n, columns), one per parameter.
         d_strain: (k, n, 4).
         d_thermal: (k, n).
         d_stress_old: (k, n, 4), Pa.
         d_state_old: (k, n, states).
         d_dt: (k,), s.
-        d_stress: Out, (k, n, 4), Pa.
-        d_state: Out, (k, n, states).
-        d_dissipation: Out, (k, n), J/m3.
+        d_stress: Output (k, n, 4), Pa.
+        d_state: Output (k, n, states).
+        d_dissipation: Output (k, n), J/m3.
     """
     columns, states = coefficients.shape[1], state_old.shape[1]
     vectors, stress, state = np.zeros((4, 4)), np.zeros((1, 4)), np.zeros((1, states))
@@ -94,7 +93,7 @@ def differentiate_points(  # type: ignore[no-untyped-def]
     its_stress, its_state = np.zeros((1, 4), dual), np.zeros((1, states), dual)
     for i in range(strain.shape[0]):
         near, near_rate = SEEK, 0.0
-        for _ in range(2):  # the second time to rounding
+        for _ in range(2):  # the second step converges to rounding
             near, _scale, _kept, _by_old, _length, near_rate, _work = respond(
                 kind, signed, coefficients[i], i, strain, thermal[i], stress_old, state_old, dt,
                 near, near_rate, vectors, stress, state, 0,

@@ -1,8 +1,8 @@
-"""One quadrature point over a step: from its trial stress to its new stress and state, and tangent.
+"""One quadrature point over a step: from its trial stress to new stress, state and tangent.
 
-Mandel vectors are [xx, yy, zz, sqrt(2) xy]; a signed law has its viscoplastic strain tensor E as
-its state, xx, yy and sqrt(2) xy. Arrays over points come with the number of a row: to take the row
-out of an array costs numba as much as what is done with it here.
+Mandel vectors are [xx, yy, zz, sqrt(2) xy]; the state of a signed law is its viscoplastic strain
+tensor E with xx, yy and sqrt(2) xy. Arrays over points are passed with a row number, since
+extracting the row costs numba as much as the work done on it.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from castfem.physics.constitutive.kernel.flow_stress import back_stress_gain
 from castfem.physics.constitutive.kernel.radial_return import solve_point
 
 FLOW, ACROSS, BACK, CARRIED = range(4)
-"""Rows of the vectors of a point: direction of the flow, strain tensor and then what of it lies
-across the flow, back stress, deviator carried along."""
+"""Rows of the vectors of a point: direction of the flow; strain tensor, then its part across the
+flow; back stress; deviator carried along."""
 
 
 @compiled
 def recovered_strain(state_old, i, left, vectors):  # type: ignore[no-untyped-def]
-    """Viscoplastic strain of the state times what recovery leaves of it; its equivalent strain."""
+    """Viscoplastic strain of the state after recovery; returns its equivalent strain."""
     vectors[ACROSS, 0], vectors[ACROSS, 1] = left * state_old[i, 0], left * state_old[i, 1]
     vectors[ACROSS, 3] = left * state_old[i, 2]
     vectors[ACROSS, 2] = -(vectors[ACROSS, 0] + vectors[ACROSS, 1])
@@ -47,10 +47,10 @@ def recovered_strain(state_old, i, left, vectors):  # type: ignore[no-untyped-de
 
 @compiled
 def split_along_flow(vectors):  # type: ignore[no-untyped-def]
-    """Part of the strain tensor along the flow, as equivalent strain; leaves what is across it.
+    """Part of the strain tensor along the flow, as equivalent strain; keeps the part across it.
 
     Returns:
-        The part along the flow, and the equivalent strain of what is across.
+        The part along the flow, and the equivalent strain of the part across it.
     """
     along, square = 0.0, 0.0
     for k in range(4):
@@ -63,10 +63,11 @@ def split_along_flow(vectors):  # type: ignore[no-untyped-def]
 
 @compiled
 def set_back_stress(kind, c, strain, vectors):  # type: ignore[no-untyped-def]
-    """Back stress of a point along its strain tensor, of the equivalent `strain`."""
+    """Set the back stress of a point along its strain tensor, with equivalent `strain`."""
     level = 0.0
     if kind == STEEL and strain > 0.0:
-        # sqrt(2/3) of the equivalent stress is the length, sqrt(3/2) of the strain the tensor's.
+        # The length is sqrt(2/3) of the equivalent stress, and sqrt(3/2) of the strain that of the
+        # tensor.
         level = (1.0 - c[DELTA_WEIGHT]) * c[HARDENING] * strain ** c[HARDENING_EXPONENT]
         level *= 2.0 / 3.0 / strain
     for k in range(4):
@@ -75,7 +76,7 @@ def set_back_stress(kind, c, strain, vectors):  # type: ignore[no-untyped-def]
 
 @compiled
 def hardened_strain(vectors, carried):  # type: ignore[no-untyped-def]
-    """Strain that has hardened the flow along the carried stress."""
+    """Hardening strain along the carried stress."""
     along = 0.0
     for k in range(4):
         along += vectors[ACROSS, k] * vectors[CARRIED, k]
@@ -84,10 +85,10 @@ def hardened_strain(vectors, carried):  # type: ignore[no-untyped-def]
 
 @compiled
 def trial_stress(c, i, strain, thermal, stress_old, vectors):  # type: ignore[no-untyped-def]
-    """Trial stress of a point; writes its direction and the deviator carried along.
+    """Compute the trial stress of a point; writes its direction and the deviator carried along.
 
     Returns:
-        Mean stress, length of the deviator less `back`, and the carried equivalent stress.
+        Mean stress, length of the deviator minus `back`, and the carried equivalent stress.
     """
     share, shear2 = c[SHARE], 2.0 * c[SHEAR]
     mean_old = (stress_old[i, 0] + stress_old[i, 1] + stress_old[i, 2]) / 3.0
@@ -115,7 +116,7 @@ def keep_strain(  # type: ignore[no-untyped-def]
     """Write the new strain tensor of a point.
 
     Returns:
-        What of the flow stress its back stress has gained.
+        Gain of the back stress as a part of the flow stress.
     """
     along = math.sqrt(1.5) * (old + gain)
     state[row, 0] = vectors[ACROSS, 0] + along * vectors[FLOW, 0]
@@ -128,7 +129,7 @@ def keep_strain(  # type: ignore[no-untyped-def]
 
 @compiled
 def fill_stress(stress, row, length, vectors, mean):  # type: ignore[no-untyped-def]
-    """Write the stress of a point: what is left of its deviator, back stress and mean stress."""
+    """Write the stress of a point: remaining deviator, back stress and mean stress."""
     for k in range(4):
         stress[row, k] = length * vectors[FLOW, k] + vectors[BACK, k] + (mean if k < 3 else 0.0)
 
@@ -151,7 +152,7 @@ def fill_tangent(tangent, i, vectors, shear2, bulk, scale, kept):  # type: ignor
 
 @compiled
 def turn_tangent(tangent, i, vectors, factor):  # type: ignore[no-untyped-def]
-    """What the tangent has of the flow's turning against the strain tensor."""
+    """Add the term of the tangent from the rotation of the flow relative to the strain tensor."""
     for k in range(4):
         for m in range(4):
             tangent[i, k, m] += factor * vectors[FLOW, k] * vectors[ACROSS, m]
@@ -165,29 +166,29 @@ def respond(  # type: ignore[no-untyped-def]
     """Integrate one point; see `calling.integrate_points`.
 
     Args:
-        kind: One of the laws of `constants`.
+        kind: Number of a law in `constants`.
         signed: Whether its state is a tensor.
-        c: Its coefficients.
+        c: Coefficients of the point.
         i: Row of the point in `strain`, `stress_old` and `state_old`.
         strain: Total strain increments (n, 4).
-        thermal: Of that of the point, the isotropic thermal one.
-        stress_old: (n, 4), Pa.
-        state_old: (n, states).
-        dt: s.
-        near: What is known of dp, see `constants.SEEK`.
-        near_rate: The rate that is remembered there.
-        vectors: Out, (4, 4): direction of the trial deviator, what of a signed law's strain lies
+        thermal: Isotropic thermal part of that of the point.
+        stress_old: Stresses at the start (n, 4), Pa.
+        state_old: States at the start (n, states).
+        dt: Time step, s.
+        near: Known value near dp, see `constants.SEEK`.
+        near_rate: Rate variable at that value.
+        vectors: Output (4, 4): direction of the trial deviator, part of a signed law's strain
             across the flow, back stress, deviator carried along (Pa). The row of the back stress is
-            0 where a law has none.
-        stress: Out, (m, 4), Pa.
-        state: Out, (m, states).
-        row: Row of the point in these.
+            0 for laws without one.
+        stress: Output (m, 4), Pa.
+        state: Output (m, states).
+        row: Row of the point in the output.
 
     Returns:
         dp, equivalent stress over that of the trial, dq / d trial, dq / d old, length of the trial
-        deviator (Pa), remembered rate (1/s), and viscoplastic work (J/m3).
+        deviator (Pa), rate variable (1/s), and viscoplastic work (J/m3).
     """
-    memory = 3 if signed else 1  # column of the remembered rate
+    memory = 3 if signed else 1  # column of the rate variable
     time = c[SHARE] * dt
     left = 1.0 / (1.0 + time * c[RECOVERY])
     hardens = kind != ELASTIC and c[FRESH] <= 0.0
@@ -207,7 +208,7 @@ def respond(  # type: ignore[no-untyped-def]
         kind, c, old, aside, left, signed, before, rate_old, trial, carried, time, near, near_rate
     )
     scale, gain, stored = equivalent / trial if increment > 0.0 else 1.0, left * increment, 0.0
-    # A direction of no length stands for itself: its derivative is that of the deviator.
+    # For a direction of zero length, so that its derivative is that of the deviator.
     fill_stress(stress, row, scale * (length if length > 0.0 else 1.0), vectors, mean)
     if signed:
         stored = keep_strain(kind, c, vectors, old, aside, gain, state, row)

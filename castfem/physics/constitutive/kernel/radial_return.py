@@ -1,19 +1,19 @@
-"""The scalar problem of a point: how far its equivalent stress falls from that of the trial.
+"""The scalar problem of radial return: from the trial equivalent stress to the new one.
 
-The trial deviator keeps its direction, its equivalent stress falls from `trial` to
-q = trial - 3G dp, and the law asks q = flow stress. It is solved for z = ln dp:
+The trial deviator keeps its direction, its equivalent stress falls from `trial` to q = trial - 3G
+dp, and the law requires q = flow stress. It is solved for z = ln dp:
 
     ln( S(z) - S0 + 3G exp(z) ) = ln( trial - S0 ),        S0 = flow stress at rate zero,
 
-whose left side is increasing and, for sums of power laws, convex with slopes between the smallest
-exponent of the law and 1: Newton from the right falls onto the root without leaving the bracket,
-whatever the exponents. It begins at ln(trial / 3G), where flow takes all of the trial stress, or
-where the rate alone would need it all, if that is less. Where a law is not convex the bracket
-guards.
+whose left-hand side is increasing and, for sums of power laws, convex with slopes between the
+smallest exponent of the law and 1: Newton's method converges to the root from the right without
+leaving the bracket, for any exponents. It starts at ln(trial / 3G), where flow would take all of
+the trial stress, or where the viscous stress alone equals it, if that is less. Where a law is not
+convex the bracket protects it.
 
-A flow curve whose yield limit is found automatically, `hardening_laws.NortonHoff` without one, has
-a problem of its own: its flow stress depends on a rate that is remembered, [Pascon2003] (163), and
-so on the stress carried, too.
+A flow curve with an automatic yield limit, `hardening_laws.NortonHoff` without one, leads to
+another problem: its flow stress depends on a rate variable, [Pascon2003] (163), and so on the
+carried stress, too.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from castfem.physics.constitutive.kernel.flow_stress import (
 )
 
 LN_2 = math.log(2.0)
-TINY_LN = -690.0  # a viscoplastic strain below exp of this is none
+TINY_LN = -690.0  # viscoplastic strains below exp of this count as zero
 
 
 @compiled
@@ -70,10 +70,10 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
     low, high = NOTHING, math.log(trial / shear3)
     z, fall = high, 1.0
     if signed and old + left * math.exp(high) <= 0.0:
-        # While flow goes back e = q/E, and with p4 > 0 no stress at all is a root beside the one
-        # that is meant, to the left of which alone the flow stress is below that of the point.
+        # While flow is reversed e = q/E, and with p4 > 0 zero stress is a root, too; only to the
+        # left of the wanted root is the flow stress below the stress of the point.
         z = high - LN_2
-    elif not signed or old >= 0.0:  # else the back stress may help the flow
+    elif not signed or old >= 0.0:  # otherwise the back stress may assist the flow
         z = min(high, fastest(kind, c, goal, ln_dt))
     if near > 0.0:
         z = math.log(near)
@@ -98,7 +98,7 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
             solved = True
             break
         new = z - step
-        if not (low < new <= high):  # also when the step is not a number
+        if not (low < new <= high):  # also if the step is NaN
             if low > NOTHING:
                 new = 0.5 * (low + high)
             else:
@@ -107,8 +107,8 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
         if z < TINY_LN:
             if not (signed or left < 1.0):
                 return 0.0, trial, 1.0, 0.0
-            # With strain that recovers, or flow back, the left side may be flat near the right end
-            # and a Newton step from there pass the root: that there is no flow has to be checked.
+            # With recovery, or reversed flow, the left-hand side may be flat near the right end,
+            # and a Newton step from there may pass the root: absence of flow has to be checked.
             z = TINY_LN
         if high - low <= ROUNDING * (1.0 + abs(z)):
             break
@@ -130,8 +130,8 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
 def _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess):  # type: ignore[no-untyped-def]
     """Find ln of the rate r with carried (r / old)^exponent + stiff r = total, and its derivative.
 
-    The logarithm of the left side is convex in ln r: Newton from the right end is monotone, from a
-    guess on the left it is after one step.
+    The logarithm of the left-hand side is convex in ln r: Newton's method is monotone from the
+    right end, and after one step from a guess on the left.
     """
     if total <= 0.0:
         return NOTHING, 0.0
@@ -159,12 +159,12 @@ def _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess):  # type: 
 def _curve_stress(  # type: ignore[no-untyped-def]
     c, old, left, trial, drive, carried, increment, guess, ln_carried, ln_old, ln_stiff
 ):
-    """Flow stress with the remembered rate at dp, derivatives by dp, trial and old, and ln rate.
+    """Flow stress with the rate variable at dp, derivatives by dp, trial and old, and ln rate.
 
-    `drive` is what the trial stress exceeds the carried one by. A point that carries stress but has
-    no rate yet, as one that has just solidified, remembers the rate at which the curve passes
-    through that stress: were it to take the rate of the step, a small load would make its flow
-    stress fall faster than flow unloads it, and the answer would jump.
+    `drive` is the trial stress minus the carried one. A point that carries stress but has no rate
+    yet, such as one that has just solidified, takes the rate at which the curve passes through that
+    stress: with the rate of the step, a small load would reduce its flow stress faster than flow
+    unloads it, and the response would jump.
     """
     shear3, young, exponent = 3.0 * c[SHEAR], c[YOUNG], c[RATE_EXPONENT]
     gain = drive - (shear3 - young) * increment  # E times the increment of e
@@ -191,10 +191,10 @@ def return_to_curve(  # type: ignore[no-untyped-def]
     """Solve the scalar problem of a point.
 
     `before` is the strain that had hardened the carried stress at the start of the step. From a
-    `near` increment, and the rate there, Newton's steps are taken as they come.
+    `near` increment, and the rate there, Newton's method runs without safeguards.
 
     Returns:
-        dp, equivalent stress q, dq / d trial, dq / d old, and the rate the curve was read at.
+        dp, equivalent stress q, dq / d trial, dq / d old, and the rate of the curve.
     """
     shear3, young, exponent = 3.0 * c[SHEAR], c[YOUNG], c[RATE_EXPONENT]
     drive = trial - carried
@@ -202,7 +202,8 @@ def return_to_curve(  # type: ignore[no-untyped-def]
     ln_carried, ln_old = NOTHING, NOTHING
     if carried > 0.0:
         ln_carried = math.log(carried)
-        # The rate at which the curve passes through the stress there is; less cannot be remembered.
+        # The rate at which the curve passes through the stress there; the rate variable is not
+        # below it.
         ln_factor, _by = strain_factor(c, before + carried / young)
         ln_old = (ln_carried - c[LN_LEVEL] - ln_factor) / exponent - LN_SQRT3
         if rate_old > 0.0:
@@ -216,7 +217,7 @@ def return_to_curve(  # type: ignore[no-untyped-def]
             c, old, left, trial, drive, carried, 0.0, NOTHING, *args
         )
     if near == 0.0 or (near < 0.0 and trial <= stress * (1.0 + ROUNDING)) or trial <= 0.0:
-        if drive < 0.0:  # elastic unloading is as fast as loading back
+        if drive < 0.0:  # elastic unloading takes the same rate as reloading
             y = _curve_stress(c, old, left, trial, -drive, carried, 0.0, NOTHING, *args)[4]
         return 0.0, trial, 1.0, 0.0, exp(y)
     low, high = 0.0, trial / shear3
@@ -235,7 +236,7 @@ def return_to_curve(  # type: ignore[no-untyped-def]
         step = excess / slope if slope > 0.0 or near > 0.0 else math.inf
         if near > 0.0:
             increment, stress = increment + step, stress + by_increment * step
-            if number == 1:  # the rate is that of the increment before
+            if number == 1:  # the rate belongs to the previous increment
                 break
             continue
         if abs(step) <= LAST_STEP * increment or high - low <= ROUNDING * high:
@@ -257,10 +258,9 @@ def return_to_curve(  # type: ignore[no-untyped-def]
 def solve_point(  # type: ignore[no-untyped-def]
     kind, c, old, aside, left, signed, before, rate_old, trial, carried, dt, near, near_rate
 ):
-    """Solve one point: equivalent stress, dp, dq / d trial, dq / d old, remembered rate.
+    """Solve one point: equivalent stress, dp, dq / d trial, dq / d old, rate variable.
 
-    What is `near` to a point that flows flows, what is near to an elastic one is elastic; see
-    `constants.SEEK`.
+    A point near a flowing one flows, and one near an elastic one is elastic; see `constants.SEEK`.
     """
     increment, stress, kept, by_old, rate = 0.0, trial, 1.0, 0.0, 0.0
     strain = old, aside, left, signed

@@ -1,13 +1,12 @@
-"""The steady travelling creeping strip of one pitch.
+"""The steady, travelling, creeping strip of one pitch.
 
-The steel of the strip goes from roll to roll at the casting speed: at z = v t it bears the moment
-M(z) = M0 + p L z/2 - p z^2/2, and its curvature follows from the law with all its memory.  Where
-all pitches are alike the strip repeats itself: the curvature has not changed after a pitch, which
-gives M0, the rolls hold it straight on the average, which gives the curvature at the roll, and
-w = 0 there.
+The steel of the strip moves from roll to roll at the casting speed: at z = v t it carries the
+moment M(z) = M0 + p L z/2 - p z^2/2, and its curvature follows from the law with all its memory. If
+all pitches are equal the strip is periodic: the curvature is the same after a pitch, which gives
+M0; the rolls keep it straight on average, which gives the curvature at the roll; and w = 0 there.
 
-That periodic state is the fixed point of a pitch, sought in stress, state and M0 together.  Steps
-are implicit of first order; the answer is extrapolated from two numbers of steps.
+The periodic state is the fixed point of the map over a pitch, solved for stress, state and M0
+together. Steps are implicit of first order; the result is extrapolated from two numbers of steps.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ from castfem.physics.machine.bulging.shell import Shell
 
 
 class Anderson:
-    """Remembers the last iterations and proposes the next x.
+    """Anderson acceleration: remembers the last iterations and proposes the next x.
 
-    All is dropped where what is missing has doubled.
+    The memory is reset where the residual has doubled.
     """
 
-    depth = 5  # iterations that are remembered
+    depth = 5  # number of remembered iterations
 
     def __init__(self) -> None:
         self._x: list[Array] = []
@@ -54,13 +53,13 @@ class Anderson:
         return np.asarray(image - (moves + changes) @ share)
 
 
-VIRGIN_PITCHES = 4  # of a law that cannot become periodic
+VIRGIN_PITCHES = 4  # for a law that cannot become periodic
 
 
 def nodes(length: float, steps: int) -> Array:
-    """Ends of the steps of a pitch, m, (steps + 1,): close to each other at the rolls.
+    """Ends of the steps of a pitch, m, (steps + 1,), denser at the rolls.
 
-    Steps there, where the moment has its peaks, are shorter by 0.6 than on the average.
+    There, where the moment has its peaks, steps are 0.6 of the average.
     """
     s = np.linspace(0.0, 1.0, steps + 1)
     wave = np.sin(2.0 * np.pi * s)
@@ -68,25 +67,26 @@ def nodes(length: float, steps: int) -> Array:
 
 
 def accumulates(law: Law) -> bool:
-    """Whether each pitch hardens the steel further, so that none is like the one before."""
+    """Whether each pitch hardens the steel further, so that there is no periodic state."""
     return isinstance(law, Hardening) and not law.signed and law.recovery_time is None
 
 
 @dataclass(frozen=True, slots=True)
 class Pitch:
-    """One pitch, with some number of steps."""
+    """One pitch, computed with some number of steps."""
 
     z: Array  #: nodes, m, (m+1,)
     moment: Array  #: at the nodes, N per metre of width
-    history: LayerHistory  #: of its layers
+    history: LayerHistory  #: history of its layers
     start: Condition  #: stress and state at the upstream roll
-    deflection: Array  #: with slope, (2, m+1), of the strip that is straight on the average
-    curvature: Array  #: of the same, (m+1,)
-    #: of the deflection since the pass before, over the largest; infinite in the first
+    deflection: Array  #: deflection and slope, (2, m+1), of the strip that is straight on average
+    curvature: Array  #: its curvature, (m+1,)
+    #: change of the deflection from the previous pass, relative to the largest; infinite in the
+    #: first
     change: float = np.inf
 
     def sheared(self, span: Span, yields: float) -> Pitch:
-        """The same that yields to shear as well, by a slope over shear force, m/N."""
+        """Return the pitch with shear deformation; `yields` is slope over shear force, m/N."""
         slope = yields * span.pressure * (0.5 * span.length - self.z)
         more = np.stack([yields * (self.moment - self.moment[0]), slope])
         return replace(self, deflection=self.deflection + more)
@@ -102,20 +102,21 @@ class CreepingStrip:
     """A strip that creeps while it travels.
 
     A law that hardens by accumulated strain has no periodic state, since each pitch hardens it
-    further: the strip is then what `pitches` pitches make of virgin steel.
+    further: the strip is then that of `pitches` pitches of initially unstrained steel.
 
-    It may yield to shear besides, elastically: M' is the shear force, and its slope S M' goes on
-    top of that of bending, which alone is continuous at a roll.
+    It may also have elastic shear deformation: M' is the shear force, and its slope S M' is added
+    to that of bending; only the latter is continuous at a roll.
     """
 
-    law: Law  #: of the steel
-    steps: int = 160  #: in a pitch; even
+    law: Law  #: law of the steel
+    steps: int = 160  #: steps per pitch; even
     layers: int = 24  #: points through the thickness; even
-    pitches: int = VIRGIN_PITCHES  #: of virgin steel with a law that cannot become periodic
-    shear: bool = False  #: whether it yields to shear
-    passes: int = 30  #: through the pitch, until it repeats itself
-    tolerance: float = 3e-4  #: change of the deflection from pass to pass, of the largest
-    gap: float = 5e-3  #: what may be missing to its repetition, of the range of the curvature
+    #: pitches of initially unstrained steel with a law that cannot become periodic
+    pitches: int = VIRGIN_PITCHES
+    shear: bool = False  #: whether it has shear deformation
+    passes: int = 30  #: largest number of passes through the pitch
+    tolerance: float = 3e-4  #: relative change of the deflection from pass to pass
+    gap: float = 5e-3  #: allowed deviation from periodicity, relative to the range of the curvature
 
     def compliance(self, layers: Layers) -> float:
         """Slope over shear force per metre of width, m/N; 0 without shear."""
@@ -137,11 +138,11 @@ class CreepingStrip:
         bulge = replace(extrapolated(coarse, fine, layers, coarser), roll_force=force)
         if periodic or accumulates(self.law):
             return replace(bulge, periodic=periodic)
-        missing = fine.change * fine.size  # it still moves by this from pass to pass
+        missing = fine.change * fine.size  # remaining change from pass to pass
         return replace(bulge, periodic=False, error=bulge.error + missing)
 
     def _at_rest(self, layers: Layers, span: Span, steps: int, guess: Pitch | None) -> Pitch | None:
-        """The pitch that repeats itself; None where it does not yet, so that it tells no error."""
+        """The periodic pitch; None if it is not yet periodic, so that it has no error estimate."""
         found, periodic = self.periodic(layers, span, steps, guess)
         return found if periodic or accumulates(self.law) else None
 
@@ -153,17 +154,17 @@ class CreepingStrip:
         guess: Pitch | None = None,
         share: float = 1.0,
     ) -> tuple[Pitch, bool]:
-        """Return the pitch that repeats itself, with some number of steps, and whether it does.
+        """Return the periodic pitch for some number of steps, and whether it has converged.
 
         Args:
-            layers: Of the shell.
+            layers: Layers of the shell.
             span: The pitch.
             steps: Number of steps.
-            guess: A pitch to begin with; None for virgin steel and the moment of a clamped strip.
-            share: Of the usual tolerances.
+            guess: Initial pitch; None for unstrained steel and the moment of a clamped strip.
+            share: Factor on the tolerances.
 
         Raises:
-            RunFailure: If the shell cannot carry the pressure.
+            RunFailure: The shell cannot carry the pressure.
         """
         grows, passes = accumulates(self.law), self.passes
         tolerance, gap = share * self.tolerance, share * self.gap
@@ -177,9 +178,9 @@ class CreepingStrip:
 
 
 def coarsest(steps: int, strip: Callable[[int], Pitch | None]) -> Pitch | None:
-    """The strip with a quarter of the steps, for the estimate of the error alone.
+    """The strip with a quarter of the steps, only for the error estimate.
 
-    None where it fails with so few, or where its nodes are not among those of the others.
+    None if it fails, or if its nodes are not among those of the others.
     """
     if steps % 4:
         return None
@@ -190,10 +191,10 @@ def coarsest(steps: int, strip: Callable[[int], Pitch | None]) -> Pitch | None:
 
 
 def extrapolated(coarse: Pitch, fine: Pitch, layers: Layers, coarser: Pitch | None) -> Bulge:
-    """Return the bulge of two strips, one with twice the steps: the scheme is of first order.
+    """Return the bulge extrapolated from two strips, one with twice the steps (first order).
 
-    No roll force is in it yet.  Its error is what it differs by from that of half as many steps,
-    some times too large; where there is none, from the strip that is not extrapolated.
+    It has no roll force yet. Its error is the difference to that of half as many steps, which is
+    several times too large; without that, to the strip that is not extrapolated.
     """
     w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
     before, places = fine.deflection[0, ::2], slice(None)
@@ -215,11 +216,11 @@ def extrapolated(coarse: Pitch, fine: Pitch, layers: Layers, coarser: Pitch | No
 
 
 class _Search:
-    """The search for the periodic state.
+    """Search for the periodic state.
 
     Attributes:
-        change: Of its deflection since the one before, over the deflection.
-        gap: Between its last and its first curvature, over the range of the curvature.
+        change: Change of its deflection since the previous pass, over the deflection.
+        gap: Difference of its last and first curvature, over the range of the curvature.
     """
 
     def __init__(self, layers: Layers, span: Span, z: Array, guess: Pitch | None) -> None:
@@ -236,14 +237,14 @@ class _Search:
         self.change, self.gap = np.inf, np.inf
 
     def advance(self) -> None:
-        """Advance through a pitch from the present start and M0."""
+        """Advance through one pitch from the present initial state and M0."""
         moment = self._first + self._parabola
         history = self._layers.advance(self._start, moment[1:], self._dt)
         kappa, z = history.curvature, self._z
         mean = float((0.5 * (kappa[1:] + kappa[:-1]) * np.diff(z)).sum() / z[-1])
         kappa = kappa - mean
         w = deflected(z, kappa)
-        # In its first step virgin steel takes up the moment: that is no creep.
+        # In its first step unstrained steel takes up the moment elastically, which is not creep.
         self._gap = float(kappa[-1] - kappa[1 if self._virgin else 0])
         self.gap = self._gap / max(float(np.ptp(kappa)), 1e-300)
         new, before = Pitch(z, moment, history, self._start, w, kappa), self._latest
@@ -253,16 +254,16 @@ class _Search:
 
     @property
     def pitch(self) -> Pitch:
-        """The last that was computed."""
-        assert self._latest is not None, "asked before the first pitch was computed"
+        """The last computed pitch."""
+        assert self._latest is not None, "requested before the first pitch was computed"
         return self._latest
 
     def move(self, accelerated: bool) -> None:
-        """Choose the start and M0 of the next pass."""
+        """Choose the initial state and M0 of the next pass."""
         history, first, stiff = self.pitch.history, self._first, self._layers.stiffness.bending
         end = history.end
         creep = float((history.compliance[1:] - 1.0 / stiff).sum())
-        if creep * stiff > 1e-6:  # it creeps; in a pass the moment changes by 0.3 of it at most
+        if creep * stiff > 1e-6:  # it creeps; the moment changes by at most 0.3 of it per pass
             most = 0.3 * max(abs(first), self._clamped)
             first -= float(np.clip(self._gap / creep, -most, most))
         if not accelerated:
@@ -272,7 +273,7 @@ class _Search:
         self._start, self._first = self._unpacked(new, end)
 
     def _scales(self) -> tuple[float, float, Array]:
-        """Stress, strain and the roots of the layers' shares that make all of a vector alike."""
+        """Scales of stress and strain, and roots of the layers' weights, for a uniform vector."""
         shell, stiff = self._layers.points, self._layers.stiffness
         stress = 6.0 * self._clamped / shell.thickness**2
         strain = 0.5 * self._clamped / stiff.bending * shell.thickness
@@ -284,7 +285,7 @@ class _Search:
         return np.concatenate([parts[0].ravel(), parts[1].ravel(), [first / self._clamped]])
 
     def _unpacked(self, x: Array, end: Condition) -> tuple[Condition, float]:
-        """Stress, signed state and M0 of a vector; what else the state has is that of `end`."""
+        """Stress, signed state and M0 from a vector; other state variables are those of `end`."""
         stress, strain, root = self._scales()
         n = len(root)
         state = end.state.copy()

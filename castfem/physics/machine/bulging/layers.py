@@ -35,10 +35,10 @@ def _compiled() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Stress and state of all layers at one place."""
+    """Stress and state of all layers at one position."""
 
-    stress: Array  #: in Mandel's notation, Pa, (n, 4)
-    state: Array  #: of the law, (n, states)
+    stress: Array  #: Mandel vectors, Pa, (n, 4)
+    state: Array  #: state of the law, (n, states)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,23 +46,23 @@ class LayerHistory:
     """Layers over a history of the moment."""
 
     curvature: Array  #: since the start, 1/m, (m+1,)
-    axial_strain: Array  #: of the neutral axis since the start, (m+1,)
+    axial_strain: Array  #: strain of the neutral axis since the start, (m+1,)
     compliance: Array  #: d curvature / d moment of each step, 1/(N m), (m,)
     end: Condition  #: stress and state at the end
 
 
 class Layers:
-    """The layers of a shell, to be led through histories of the moment.
+    """The layers of a shell, integrated over histories of the moment.
 
     Args:
-        law: Of the steel.
-        points: Where they are.
+        law: Law of the steel.
+        points: Points through the thickness.
 
     Attributes:
-        law: Of the steel.
-        points: Where they are.
-        stiffness: Elastic.
-        arm: Neutral depth less depth (n,), m.
+        law: Law of the steel.
+        points: Points through the thickness.
+        stiffness: Elastic stiffness.
+        arm: Depth of the neutral axis minus depth (n,), m.
     """
 
     def __init__(self, law: Law, points: Points) -> None:
@@ -72,20 +72,20 @@ class Layers:
         self._coefficients = law.coefficients(points.temperature, points.temperature)
 
     def virgin(self) -> Condition:
-        """Return layers free of stress that have never been strained."""
+        """Return stress-free, unstrained layers."""
         n = len(self.points.depth)
         return Condition(np.zeros((n, 4)), self.law.initial_state(n))
 
     def advance(self, start: Condition, moment: Array, dt: Array) -> LayerHistory:
-        """Lead the layers through a history of the moment.
+        """Integrate the layers over a history of the moment.
 
         Args:
-            start: Where it begins; it is not written to.
-            moment: At the ends of the steps (m,), N per metre of width.
-            dt: Of the steps (m,), s.
+            start: Initial condition; it is not modified.
+            moment: Moments at the ends of the steps (m,), N per metre of width.
+            dt: Durations of the steps (m,), s.
 
         Raises:
-            RunFailure: If no state of the layers carries a moment.
+            RunFailure: No state of the layers carries a moment.
         """
         steps, points, (n, states) = len(dt), self.points, start.state.shape
         curvature, axial, compliance = np.zeros(steps + 1), np.zeros(steps + 1), np.zeros(steps)

@@ -1,9 +1,9 @@
-"""The elastic strip, and the elastic plate of one cosine as the thesis has it.
+"""The elastic strip, and the elastic plate with a cosine deflection of the thesis.
 
-The strip is clamped at both rolls, with the moduli at the shell's own temperatures.
-The thesis' plates (VI.2.2.2) have a clamped edge at each roll and at each narrow face; L1 is the
-pitch, L2 the width.  One cosine is less stiff than the exact strip: 27 % more deflection in the
-example of (309).  (308) lacks the bracket round the sum in its denominator, which (314) has.
+The strip is clamped at both rolls, with the moduli at the shell's own temperatures. The thesis'
+plates (VI.2.2.2) are clamped at each roll and each narrow face; L1 is the pitch, L2 the width. A
+single cosine overestimates the deflection of the exact strip, by 27 % in the example of (309).
+(308) lacks the bracket around the sum in its denominator that (314) has.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -27,11 +27,12 @@ NODES = 41
 class ElasticStrip:
     """w = p z^2 (L - z)^2 / 24 D, at most p L^4 / 384 D, without memory or speed.
 
-    Shear adds S p z (L - z) / 2, S its compliance: all pitches being alike, no moment changes.
+    Shear adds S p z (L - z) / 2, with compliance S: as all pitches are equal, the moment is
+    unchanged.
     """
 
-    elasticity: Elasticity  #: of the steel
-    shear: bool = False  #: whether the strip yields to shear
+    elasticity: Elasticity  #: elasticity of the steel
+    shear: bool = False  #: whether the strip has shear deformation
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
         """See `BulgingModel`."""
@@ -58,7 +59,7 @@ _PI4 = np.pi**4
 
 
 def _sum(length: float, width: float) -> float:
-    """What stands in the bracket of (308), (314): 1 plus powers of L2/L1."""
+    """The bracket of (308), (314): 1 plus powers of L2/L1."""
     ratio = (width / length) ** 2
     return ratio**2 + 2.0 / 3.0 * ratio + 1.0
 
@@ -74,10 +75,10 @@ def clamped_deflection(
     """Deflection w2 of a plate clamped along its four edges (308) as corrected, m.
 
     Args:
-        pressure: p, Pa.
-        bending: D, N m.
-        length: L1, the pitch, m.
-        width: L2, m.
+        pressure: Pressure p, Pa.
+        bending: Bending stiffness D, N m.
+        length: Pitch L1, m.
+        width: Width L2, m.
         along: Positions from the roll, m.
         across: Positions from one narrow face, m; to be broadcast with `along`.
     """
@@ -89,9 +90,9 @@ def clamped_deflection(
 class ThesisPlate:
     """The thesis' plate at mid-width, w2(z, L2/2), with the shell's own stiffness."""
 
-    elasticity: Elasticity  #: of the steel
-    width: float  #: of the slab, m
-    #: reference of the largest deflection by the pitch, m, which the plate is amplified to
+    elasticity: Elasticity  #: elasticity of the steel
+    width: float  #: width of the slab, m
+    #: reference for the largest deflection in the pitch, m, to which the deflection is scaled
     #: (VI.2.2.3); None for that of the plate itself
     largest: float | None = None
 

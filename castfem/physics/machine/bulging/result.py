@@ -1,4 +1,4 @@
-"""What a model of bulging is asked, and what it answers."""
+"""Input and result of a bulging model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy.typing as npt
 from castfem.base.types import Array
 from castfem.physics.machine.bulging.shell import Shell
 
-_WITHIN = np.linspace(0.0, 1.0, 9)  # of an interval, where the largest deflection is looked for
+# relative points of an interval at which the largest deflection is searched
+_WITHIN = np.linspace(0.0, 1.0, 9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,12 +20,12 @@ class Span:
     """The strand between two pairs of rolls.
 
     Raises:
-        ValueError: If the length or the speed is not positive.
+        ValueError: The length or the speed is not positive.
     """
 
     length: float  #: pitch, m
-    pressure: float  #: of the liquid on the shell, the mean over the pitch, Pa
-    speed: float  #: of the strand, m/s
+    pressure: float  #: mean pressure of the liquid on the shell over the pitch, Pa
+    speed: float  #: casting speed, m/s
 
     def __post_init__(self) -> None:
         if not (self.length > 0.0 and self.speed > 0.0):
@@ -35,35 +36,35 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Bulge:
-    """A strip between two rolls, or over several."""
+    """The deflected strip between two rolls, or over several."""
 
     z: Array  #: positions from the first roll, m, increasing, (n,)
     deflection: Array  #: w, outwards, m, (n,)
     slope: Array  #: w' (n,)
     moment: Array  #: M per metre of width, N, (n,)
     curvature: Array  #: kappa = -w'', 1/m, (n,)
-    axial_strain: Array  #: e of the neutral axis since the first roll, (n,)
+    axial_strain: Array  #: strain e of the neutral axis since the first roll, (n,)
     neutral: float  #: depth of the neutral axis, m
-    thickness: float  #: of the shell, m
-    roll_force: Array  #: on each roll that has a span on both sides, N per metre of width
-    periodic: bool = True  #: whether the strip has come to its periodic state
-    #: estimate of the error of the deflection, m: of its steps, and what a strip still moves that
-    #: should repeat itself and does not yet
+    thickness: float  #: thickness of the shell, m
+    roll_force: Array  #: force on each roll with a span on both sides, N per metre of width
+    periodic: bool = True  #: whether the strip has reached its periodic state
+    #: estimated error of the deflection, m: from the step size, and the remaining change of a strip
+    #: that should be periodic but is not yet
     error: float = 0.0
 
     @classmethod
     def none(cls, span: Span, shell: Shell) -> Bulge:
-        """A strip that does not bulge."""
+        """Return a strip without bulge."""
         z, zero = np.array([0.0, span.length]), np.zeros(2)
         force = np.array([max(span.pressure, 0.0) * span.length])
         return cls(z, zero, zero, zero, zero, zero, 0.5 * shell.thickness, shell.thickness, force)
 
     def at(self, positions: npt.ArrayLike) -> Array:
-        """Deflection at positions (m,), m: cubic from node to node by values and slopes."""
+        """Deflection at positions (m,), m: cubic between nodes by values and slopes."""
         return along(self.z, self.deflection, self.slope, positions)
 
     def extremes(self) -> tuple[float, float, float]:
-        """Largest deflection, where that is, and the smallest, m."""
+        """Largest deflection, its position, and smallest deflection, m."""
         dz = np.diff(self.z)
         fine = np.append((self.z[:-1, None] + dz[:, None] * _WITHIN[:-1]).ravel(), self.z[-1])
         values = self.at(fine)
@@ -85,7 +86,7 @@ class Bulge:
         return float(area.sum() / (self.z[-1] - self.z[0]))
 
     def strain(self, depth: float) -> Array:
-        """Axial strain that bulging adds at a depth, m, since the first roll (n,)."""
+        """Axial strain from bulging at a depth, m, since the first roll (n,)."""
         bent = self.curvature - self.curvature[0]
         return np.asarray(self.axial_strain + bent * (self.neutral - depth))
 
@@ -94,15 +95,15 @@ class BulgingModel(Protocol):
     """A model of bulging between two rolls."""
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
-        """Return how a shell bulges over a pitch.
+        """Return the bulge of a shell in a pitch.
 
         Raises:
-            RunFailure: If the shell cannot carry the pressure.
+            RunFailure: The shell cannot carry the pressure.
         """
 
 
 def along(z: Array, deflection: Array, slope: Array, positions: npt.ArrayLike) -> Array:
-    """Deflections and slopes at nodes (n,) made deflections at positions (m,), cubic in between."""
+    """Interpolate deflections (n,) by values and slopes at nodes to positions (m,), cubically."""
     x = np.clip(np.asarray(positions, float), z[0], z[-1])
     i = np.clip(np.searchsorted(z, x, side="right") - 1, 0, len(z) - 2)
     dz, rise = z[i + 1] - z[i], deflection[i + 1] - deflection[i]
@@ -119,9 +120,9 @@ def evenly(length: float, count: int) -> Array:
 
 
 def deflected(z: Array, curvature: Array) -> Array:
-    """Deflection and slope (2, n) of a strip of curvature -w'' that is held at its ends.
+    """Deflection and slope (2, n) of a strip with curvature -w'' that is held at its ends.
 
-    The curvature is linear from node to node.
+    The curvature is linear between nodes.
     """
     dz = np.diff(z)
     turns = 0.5 * (curvature[1:] + curvature[:-1]) * dz

@@ -1,4 +1,4 @@
-"""The solid shell at mid-face, points through its thickness, and its elastic stiffness."""
+"""The solid shell at mid-face: points through its thickness, and its elastic stiffness."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from castfem.physics.constitutive.elasticity import Elasticity
 _GAUSS = 3.0**-0.5
 
 Profile = Callable[[Array], npt.ArrayLike]
-"""From depths (n,), m, to a number each, or one for all."""
+"""Function of depths (n,), m, that returns a number for each, or one for all."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shell:
-    """The solid shell at one place.
+    """The solid shell at one position.
 
     Raises:
-        ValueError: If the thickness is not positive.
+        ValueError: The thickness is not positive.
     """
 
-    thickness: float  #: m
-    temperature: Profile  #: over the depth from the surface, K
+    thickness: float  #: thickness, m
+    temperature: Profile  #: temperature over the depth from the surface, K
     #: rate of the free thermal strain over the depth, 1/s; None for none
     thermal_rate: Profile | None = None
 
@@ -40,11 +40,11 @@ class Shell:
         """Return two Gauss points in each of the sublayers.
 
         Args:
-            layers: Number of points, even; a few more where there are breaks.
-            breaks: Depths at which a sublayer is to end, m.
+            layers: Number of points, even; breaks add some more.
+            breaks: Depths at which a sublayer must end, m.
 
         Raises:
-            ValueError: If the number of layers is odd or below 2.
+            ValueError: The number of layers is odd or below 2.
         """
         if layers < 2 or layers % 2:
             raise ValueError(f"layers ({layers}) must be even, at least 2")
@@ -63,9 +63,9 @@ class Shell:
         )  # fmt: skip
 
     def breaks(self, law: Law) -> Array:
-        """Depths at which the coefficients of a law jump, m, as where another phase takes over.
+        """Depths at which the coefficients of a law jump, m, such as at a change of phase.
 
-        A jump is a fifth of the range of a coefficient, from one of 801 depths to the next.
+        A jump is a fifth of the range of a coefficient between neighbours of 801 depths.
         """
         depth: Array = np.asarray(np.linspace(0.0, self.thickness, 801))
         heat = _at(depth, self.temperature(depth))
@@ -78,23 +78,21 @@ class Shell:
 class Points:
     """Points through the thickness of a shell."""
 
-    thickness: float  #: of the shell, m
+    thickness: float  #: thickness of the shell, m
     depth: Array  #: below the surface, m, (n,)
-    weight: Array  #: in an integral over the thickness, m, (n,)
+    weight: Array  #: weight in an integral over the thickness, m, (n,)
     temperature: Array  #: K, (n,)
     thermal_rate: Array  #: rate of the free thermal strain, 1/s, (n,)
 
 
 @dataclass(frozen=True, slots=True)
 class Stiffness:
-    """Of a shell that is bent along z and not across, and free to stretch in both."""
+    """Stiffness of a shell bent along z but not across, and free to stretch in both."""
 
-    #: D, moment per unit width over curvature, N m; E h^3 / (12 (1 - nu^2)) where E is the same
-    #: everywhere
+    #: D, moment per unit width over curvature, N m; E h^3 / (12 (1 - nu^2)) for constant E
     bending: float
     neutral: float  #: depth of the neutral axis, m
-    #: slope that a shear force per unit width makes, over it, m/N; 6/5 / (G h) where G is the same
-    #: everywhere
+    #: slope over shear force per unit width, m/N; 6/5 / (G h) for constant G
     shear: float
 
 
@@ -113,7 +111,7 @@ def stiffness(elasticity: Elasticity, points: Points) -> Stiffness:
     )
     across, axial, bent = np.linalg.solve(matrix, [0.0, 0.0, 1.0])
     stress = stiff / points.weight * (axial + bent * arm + poisson * across)
-    flow = _below(points.weight, stress)  # of shear, of a unit of it
+    flow = _below(points.weight, stress)  # shear flow for a unit shear force
     return Stiffness(
         float(1.0 / bent),
         float(0.5 * points.thickness + axial / bent),
@@ -122,7 +120,7 @@ def stiffness(elasticity: Elasticity, points: Points) -> Stiffness:
 
 
 def _below(weight: Array, values: Array) -> Array:
-    """Integral from the surface to each of the points of values at them, linear in a sublayer."""
+    """Integral of values from the surface to each of the points, linear in a sublayer."""
     half = weight[::2]
     one, other = values[::2], values[1::2]
     mean, slope = 0.5 * (one + other), 0.5 * (other - one) / _GAUSS

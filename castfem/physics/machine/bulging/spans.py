@@ -1,9 +1,9 @@
-"""The creeping strip over several rolls that are not alike: one lost, one misaligned.
+"""The creeping strip over several unequal spans, with a missing or misaligned roll.
 
-The moments over the rolls are unknown, their deflections given.  Far upstream and far downstream
-all pitches are alike: there the strip enters with the stress, the state and the curvature of the
-periodic pitch, and leaves with its moment.  All moments and the slope at the first roll are found
-together, since from one roll to the next an error of one of them would grow 3.7 times.
+The moments at the rolls are unknown, the deflections there given. Far upstream and downstream all
+pitches are equal: the strip enters with the stress, the state and the curvature of the periodic
+pitch, and leaves with its moment. All moments and the slope at the first roll are solved together,
+since an error of one of them would grow 3.7 times from roll to roll.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ from castfem.physics.machine.bulging.shell import Shell
 
 @dataclass(frozen=True, slots=True)
 class Rolls:
-    """Rolls that a strip goes over.
+    """The rolls under a strip.
 
     Raises:
-        ValueError: If there are less than four, they do not increase, or are not as many.
+        ValueError: There are fewer than four rolls, they do not increase, or offsets and positions
+            differ in number.
     """
 
     positions: tuple[float, ...]  #: increasing, m, (j + 1,)
-    offsets: tuple[float, ...]  #: outwards from where they should be, m, (j + 1,)
-    pressure: float  #: of the liquid, Pa
-    speed: float  #: of the strand, m/s
+    offsets: tuple[float, ...]  #: outward displacement from the nominal position, m, (j + 1,)
+    pressure: float  #: pressure of the liquid, Pa
+    speed: float  #: casting speed, m/s
 
     def __post_init__(self) -> None:
         if len(self.positions) < 4:
@@ -55,18 +56,18 @@ class Rolls:
         return [b - a for a, b in itertools.pairwise(self.positions)]
 
     def span(self, index: int) -> Span:
-        """One of the spans."""
+        """Return one of the spans."""
         return Span(self.pitches[index], self.pressure, self.speed)
 
 
 def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
-    """Return how a strip bulges over rolls that are not alike.
+    """Return the bulge of a strip over unequal spans.
 
-    A roll that would have to pull, whose force is negative, does not touch the strand: leave it
-    out.  The first and the last span, which should be like those beyond them, close the problem.
+    A roll with a negative force, which would have to pull, does not touch the strand: leave it out.
+    The first and the last span, which should equal those beyond them, close the problem.
 
     Raises:
-        RunFailure: If the shell cannot carry the pressure, or the moments cannot be found.
+        RunFailure: The shell cannot carry the pressure, or the moments cannot be found.
     """
     layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
     coarse, found = _Spans(strip, rolls, layers, strip.steps // 2).solved()
@@ -77,18 +78,18 @@ def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
 
 
 def _forces(rolls: Rolls, moments: Sequence[float] | Array) -> Array:
-    """Force on each roll between two spans, N per metre of width, from the moments over them."""
+    """Force on each roll between two spans, N per metre of width, from the moments at the rolls."""
     pitch, moment = np.array(rolls.pitches), np.asarray(moments)
     rise, half = np.diff(moment) / pitch, 0.5 * rolls.pressure * pitch
     return np.asarray(rise[1:] + half[1:] - rise[:-1] + half[:-1])
 
 
 class _Spans:
-    """The strip with some number of steps a span, and the search for its moments."""
+    """The strip with some number of steps per span, and the search for its moments."""
 
     def __init__(self, strip: CreepingStrip, rolls: Rolls, layers: Layers, steps: int) -> None:
         self._layers, self._rolls = layers, rolls
-        closer = 0.2  # of the tolerances of a pitch: what is missing to its repetition adds up
+        closer = 0.2  # tighter tolerance than for a single pitch, since errors add up
         self._in, _ = strip.periodic(layers, rolls.span(0), steps, share=closer)
         self._out = self._in
         if not np.isclose(rolls.pitches[-1], rolls.pitches[0]):
@@ -107,7 +108,7 @@ class _Spans:
         self._yields, self._span_of = strip.compliance(layers), j
 
     def _sunk(self, curvature: Array) -> tuple[Array, Array]:
-        """Slope and deflection that curvatures (..., n) take from a straight line."""
+        """Changes of slope and deflection by curvatures (..., n) relative to a straight line."""
         dz = np.diff(self._z)
         zero = np.zeros((*curvature.shape[:-1], 1))
         now, then = curvature[..., 1:], curvature[..., :-1]
@@ -117,7 +118,7 @@ class _Spans:
         return turned, np.concatenate([zero, np.cumsum(area, axis=-1)], axis=-1)
 
     def _sheared(self, moments: Array, moment: Array) -> Array:
-        """Deflection and slope by shear (2, n); over a roll the slope is the mean of both sides."""
+        """Deflection and slope by shear (2, n); at a roll the slope is the mean of both sides."""
         if not self._yields:
             return np.zeros((2, len(moment)))
         rolls, j = self._rolls, self._span_of
@@ -129,7 +130,7 @@ class _Spans:
         return self._yields * np.stack([moment - moment[0], force])
 
     def _advanced(self, unknown: Array) -> tuple[Pitch, Array]:
-        """The strip with inner moments and a slope at the first roll; by what it misses rolls."""
+        """The strip for inner moments and a slope at the first roll, with its residuals."""
         rolls, z = self._rolls, self._z
         ends = float(self._in.moment[0]), float(self._out.moment[-1])
         moments = np.concatenate([[ends[0]], unknown[:-1], [ends[1]]])
@@ -143,7 +144,7 @@ class _Spans:
         return found, bent[0, self._at] - np.asarray(rolls.offsets[1:])
 
     def _slopes(self, history: LayerHistory) -> Array:
-        """Derivative of what is missed by the unknowns, from the compliance of each step."""
+        """Derivative of the residuals by the unknowns, from the compliance of each step."""
         elastic = 1.0 / self._layers.stiffness.bending
         hats = self._hats[1:-1]
         creep = np.cumsum((history.compliance - elastic) * hats[:, 1:], axis=1)
@@ -153,11 +154,11 @@ class _Spans:
         return np.vstack([rows, self._z[self._at] - self._z[0]]).T
 
     def solved(self, guess: tuple[Array, Array] | None = None) -> tuple[Pitch, tuple[Array, Array]]:
-        """Find moments and slope by Newton's method, its matrix improved by Broyden's.
+        """Find moments and slope by Newton's method, with Broyden updates of its matrix.
 
         Args:
-            guess: What a strip of other steps has found, the unknowns and the matrix; None to begin
-                with the moment of the periodic pitch.
+            guess: Result of a strip with other steps (unknowns and matrix); None to start from the
+                moment of the periodic pitch.
 
         Returns:
             The strip, and unknowns and matrix.
@@ -171,7 +172,7 @@ class _Spans:
             unknown, matrix = guess
             found, missed = self._advanced(unknown)
         for _ in range(60):
-            size = max(found.size, 1e-9)  # m, of a strip that does not bulge
+            size = max(found.size, 1e-9)  # m, for a strip without bulge
             if float(np.abs(missed).max()) <= 1e-4 * size:
                 return found, (unknown, matrix)
             step = -np.linalg.solve(matrix, missed)

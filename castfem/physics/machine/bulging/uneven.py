@@ -1,8 +1,8 @@
-"""Pitches near a lost or a misaligned pair of rolls: their strip goes over several rolls.
+"""Bulging near a missing or misaligned pair of rolls, with a strip over several rolls.
 
-Where the rolls are alike the strip of a single pitch is enough. Near rolls that are not, each pitch
-has a strip of its own over the rolls around it, of one shell, and keeps of that what
-lies between its two rolls. A roll that would have to pull is left by the shell.
+Where the rolls are equal the strip of a single pitch is enough. Near unequal rolls each pitch has
+its own strip over the surrounding rolls, with one shell, of which the part between its two rolls is
+used. A roll that would have to pull is left by the shell.
 """
 
 from __future__ import annotations
@@ -19,40 +19,42 @@ from castfem.physics.machine.bulging.result import Bulge, Span, along
 from castfem.physics.machine.bulging.shell import Shell
 from castfem.physics.machine.bulging.spans import Rolls, over_rolls
 
-ABOVE, BELOW = 2, 3  # pitches over which rolls that are not alike are felt: what has crept goes on
+# pitches above and below over which unequal rolls have an effect, since creep persists
+ABOVE, BELOW = 2, 3
 
 
 @dataclass(frozen=True, slots=True)
 class UnevenPitch:
-    """A pitch near rolls that are not alike."""
+    """A pitch near unequal rolls."""
 
-    #: of the pitch alone, from the straight line between its two rolls; `roll_force` is that of the
-    #: roll above it
+    #: bulge of the pitch alone, from the straight line between its two rolls; `roll_force` is that
+    #: of the roll above it
     bulge: Bulge
-    #: what the rolls bear beyond half of the pressure on the pitches beside them: the roll above
-    #: the pitch, that below it and the next (3,), N per metre of width
+    #: extra loads of the rolls beyond half of the pressure on the neighbouring pitches: the roll
+    #: above the pitch, the one below it and the next (3,), N per metre of width
     added: Array
 
 
 @dataclass(frozen=True, slots=True)
 class UnevenRolls:
-    """Rolls of a machine of which some are lost or off."""
+    """Rolls of a machine with missing or misaligned ones."""
 
-    strip: CreepingStrip  #: the strip
-    positions: Array  #: of the rolls that are there, m, (n,)
-    offsets: Array  #: from the line of the strand, towards the centre of curvature, m, (n,)
-    marks: Collection[int]  #: pitches at the defects, by the index of the roll above each
-    #: pitch of the sound machine at its top and at its end, m: rolls so far apart are taken to go
-    #: on beyond them
+    strip: CreepingStrip  #: model of the strip
+    positions: Array  #: positions of the existing rolls, m, (n,)
+    #: displacements from the line of the strand, towards the centre of curvature, m, (n,)
+    offsets: Array
+    marks: Collection[int]  #: pitches at the defects, by index of the roll above each
+    #: pitch of the nominal machine at its top and at its end, m, used to continue the rolls beyond
+    #: them
     ends: tuple[float, float]
-    count: int  #: nodes of a bulge
+    count: int  #: number of nodes of a bulge
 
     def near(self, pitch: int) -> bool:
-        """Whether a defect is felt in a pitch, told by the index of the roll above it."""
+        """Whether a defect affects a pitch, given by index of the roll above it."""
         return any(-ABOVE <= pitch - mark <= BELOW for mark in self.marks)
 
     def around(self, pitch: int) -> tuple[int, int]:
-        """First and last roll of the strip of a pitch; beyond the machine they count on."""
+        """First and last roll of the strip of a pitch; indices continue beyond the machine."""
         marks = [mark for mark in self.marks if -ABOVE <= pitch - mark <= BELOW] or [pitch]
         first, last = min(marks), max(marks)
         for mark in sorted(self.marks, reverse=True):
@@ -62,7 +64,7 @@ class UnevenRolls:
         return first - ABOVE - 1, last + BELOW + 2
 
     def position(self, index: int) -> float:
-        """Position of a roll, or of one that is thought to be beyond the machine, m."""
+        """Position of a roll, or of a fictitious one beyond the machine, m."""
         last = len(self.positions) - 1
         if index < 0:
             return float(self.positions[0]) + index * self.ends[0]
@@ -71,20 +73,20 @@ class UnevenRolls:
         return float(self.positions[index])
 
     def offset(self, index: int) -> float:
-        """Offset of a roll, m."""
+        """Displacement of a roll, m."""
         return float(self.offsets[index]) if 0 <= index < len(self.offsets) else 0.0
 
     def bulge(self, pitch: int, span: Span, shell: Shell, outward: float) -> UnevenPitch:
-        """Return how a shell bulges over a pitch.
+        """Return the bulge of a shell in a pitch.
 
         Args:
             pitch: Index of the roll above it.
             span: The pitch.
-            shell: Of the face.
-            outward: 1 of the face to the centre of curvature, -1 of the other.
+            shell: Shell of the face.
+            outward: 1 for the face towards the centre of curvature, -1 for the other.
 
         Raises:
-            RunFailure: If the shell cannot carry the pressure, or the moments cannot be found.
+            RunFailure: The shell cannot carry the pressure, or the moments cannot be found.
         """
         first, last = self.around(pitch)
         numbers = list(range(first, last + 1))
@@ -126,12 +128,12 @@ class UnevenRolls:
     ) -> tuple[Bulge, dict[int, float]]:
         """The strip over the rolls that it touches.
 
-        A roll that pulls by more than a thousandth of the pressure on a pitch is left; a shell that
-        lies 1 um beyond a roll it had left touches it again.
+        A roll that would pull by more than a thousandth of the pressure on a pitch is released; a
+        shell that comes to lie 1 um beyond a released roll touches it again.
 
         Returns:
-            The strip, and the force on each roll but the outermost, N per
-            metre of width, none on those that it does not touch.
+            The strip, and the force on each roll except the outermost ones, N per
+            metre of width, zero for rolls that it does not touch.
         """
         left: list[int] = []
         firm = (*numbers[:2], *numbers[-2:])

@@ -1,1 +1,1 @@
-"""Withdrawal of the strand: what its rolls resist, what its drives take, what is left in it."""
+"""Withdrawal of the strand: resistance of the rolls, drive forces, axial force in the strand."""

@@ -1,4 +1,4 @@
-"""What each driven pair takes of the resistance of the rolls (thesis III.1.3.2, VI.4.2.1)."""
+"""Distribution of the resistance of the rolls over the drives (thesis III.1.3.2, VI.4.2.1)."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from castfem.base.units import convert
 
 
 class StrandStopsError(RunFailure):
-    """The rolls resist with more than all drives can pull."""
+    """The resistance of the rolls exceeds the capacity of all drives."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """How the drives share the resistance, at each pair (n,), N."""
+    """Distribution of the resistance over the drives, at each pair (n,), N."""
 
-    drive: Array  #: what the pair pulls with; 0 of one that is not driven
-    #: axial effort in the strand as it comes to the pair, which has resisted already and not yet
-    #: pulled; negative where the strand is pushed
+    drive: Array  #: force of the pair's drive; 0 if it is not driven
+    #: axial force in the strand at the pair, including its resistance but not its drive; negative
+    #: where the strand is pushed
     effort: Array
 
 
 def taken(effort: float, capacity: float) -> float:
-    """What a drive takes of the effort that has come down to it, N: all of it, as far as it can."""
+    """Force that a drive takes of the axial force at it, N: all, up to its capacity."""
     return min(max(effort, 0.0), capacity)
 
 
 def share(resistances: Sequence[float] | Array, capacities: Sequence[float] | Array) -> Shares:
-    """Let each drive take what came before it, as far as it can, the next the rest.
+    """Let each drive take the accumulated resistance up to its capacity, the next the rest.
 
-    That is the least favourable of the ways in which drives of one speed may share: the strand is
-    pulled as much as can be. What the last drive leaves, and what pairs below it resist, is pushed
-    by the drives that have something left, the lowest first.
+    This is the least favourable distribution among drives of equal speed: the strand is pulled as
+    much as possible. What the last drive leaves, and the resistance of pairs below it, is pushed by
+    drives with spare capacity, the lowest first.
 
     Args:
-        resistances: Of each pair (n,), N.
-        capacities: Of each pair (n,), N: 0 of one that is not driven, inf where it is not known.
+        resistances: Resistance of each pair (n,), N.
+        capacities: Capacity of each pair (n,), N: 0 if not driven, inf if unknown.
 
     Raises:
         StrandStopsError: All drives together are weaker than the rolls.
@@ -62,10 +62,10 @@ def share(resistances: Sequence[float] | Array, capacities: Sequence[float] | Ar
 
 
 def refuse_standstill(resistance: float, capacities: Array) -> None:
-    """Refuse a resistance (N) beyond what all drives (n,) can pull.
+    """Refuse a resistance (N) above the capacity of all drives (n,).
 
     Raises:
-        StrandStopsError: It is.
+        StrandStopsError: The resistance is too large.
     """
     most = math.fsum(capacities)
     if resistance > most * (1.0 + EXACT):

@@ -1,8 +1,8 @@
-"""The axial effort that rolls and drives leave in the strand, as the slice meets it.
+"""The axial force in the strand from rolls and drives at the position of the slice.
 
-What a pair resists comes on linearly over the pitch above it, and what a drive takes goes over the
-pitch below it: a force at the surface of a strand takes about its thickness to spread over the
-section, and a step would be an infinite rate of strain.
+The resistance of a pair builds up linearly over the pitch above it, and the force of a drive over
+the pitch below it: a surface force on a strand spreads over the section within about its thickness,
+and a step would be an infinite strain rate.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -23,31 +23,31 @@ from castfem.physics.machine.extraction.drives import refuse_standstill, share, 
 
 @dataclass(frozen=True, slots=True)
 class Withdrawal:
-    """What rolls and drives have done to the strand down to the slice; part of its state.
+    """Accumulated forces of rolls and drives down to the slice; part of its state.
 
     Forces are those of the whole strand, N.
     """
 
-    pairs: int = 0  #: pairs of rolls that the slice has passed
-    resistance: float = 0.0  #: of the strand above, with the work of bending in it
-    drives: float = 0.0  #: what the drives above pull with: resistance less drives is the effort
-    #: external axial force on the slice: the effort, the work of bending not in it where the
-    #: equation of the planes has that by itself
+    pairs: int = 0  #: number of pairs that the slice has passed
+    resistance: float = 0.0  #: resistance of the strand above, including the work of bending
+    drives: float = 0.0  #: drive forces above; resistance minus drives is the axial force `effort`
+    #: external axial force on the slice: the effort, without the work of bending if that is in the
+    #: equation of the planes
     force: float = 0.0
-    friction: float = 0.0  #: of the rolls that the slice has passed
-    #: external force at the last of them, and what the drives above it pull with
+    friction: float = 0.0  #: friction of the rolls that the slice has passed
+    #: external force and drive forces at the last of them
     start: tuple[float, float] = (0.0, 0.0)
-    aim: tuple[float, float] = (0.0, 0.0)  #: both as they will be at the next pair
-    moments: tuple[float, float] = (0.0, 0.0)  #: of the strand at the two pairs last passed, N m
+    aim: tuple[float, float] = (0.0, 0.0)  #: both at the next pair
+    moments: tuple[float, float] = (0.0, 0.0)  #: moments of the strand at the last two pairs, N m
 
     @property
     def effort(self) -> float:
-        """Axial effort in the strand, N."""
+        """Axial force in the strand, N."""
         return self.resistance - self.drives
 
     @classmethod
     def restored(cls, entries: dict[str, Any]) -> Withdrawal:
-        """The state of a checkpoint, whose tuples are lists."""
+        """The state from a checkpoint, which stores tuples as lists."""
         found: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value
             for key, value in entries.items()
@@ -57,39 +57,39 @@ class Withdrawal:
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """What the rolls feel of the slice at the end of a step, of the whole strand."""
+    """State of the whole strand at the slice at the end of a step, as needed by the rolls."""
 
-    moment: float  #: M, N m
-    work: float  #: int M dk so far, J/m; bending takes less than zero
-    temperature: Array  #: at the owned vertices (owned,), K
-    #: what rolls that are not alike bear on both faces beyond the pressure of the length that is
-    #: theirs: the pair that the slice comes to and the next, N per metre of width
+    moment: float  #: moment M, N m
+    work: float  #: int M dk so far, J/m; negative in bending
+    temperature: Array  #: temperatures at the owned vertices (owned,), K
+    #: extra loads of unequal rolls on both faces, beyond the pressure on their tributary length: of
+    #: the next pair and the one after, N per metre of width
     added: tuple[float, float] = (0.0, 0.0)
 
 
 class RollForces(Protocol):
-    """Forces of bulging on the rolls."""
+    """Bulging forces on the rolls."""
 
     def on_pair(self, index: int, temperature: Array, added: float) -> float:
-        """Force on both rolls of a pair of the whole strand, N (collective).
+        """Force on both rolls of a pair, whole strand, N (collective).
 
         Args:
-            index: Of the pair, from 0.
-            temperature: Of the slice as it comes to it, at the owned vertices (owned,), K.
-            added: What both bear beyond the pressure of the length that is theirs, N per metre of
+            index: Index of the pair, from 0.
+            temperature: Temperatures of the slice at the pair, at the owned vertices (owned,), K.
+            added: Load beyond the pressure on the tributary length, both rolls, N per metre of
                 width.
         """
 
 
 class Effort(Protocol):
-    """Gives the slice its axial force."""
+    """Gives the external axial force on the slice."""
 
     @property
     def contains_work(self) -> bool:
-        """Whether the work of bending is in the force."""
+        """Whether the force contains the work of bending."""
 
     def initial(self, position: float) -> Withdrawal:
-        """The state of a strand that is followed from `position` (m)."""
+        """Initial state of a strand that is followed from `position` (m)."""
 
     def force(self, past: Withdrawal, position: float) -> float:
         """External axial force, N, of a step that leads from `past` to `position` (m)."""
@@ -99,26 +99,26 @@ class Effort(Protocol):
 
 
 def _origin(places: Array) -> float:
-    """Where the first pair begins to be felt, m: a pitch above it."""
+    """Position at which the first pair begins to act, m: a pitch above it."""
     return float(places[0] - (places[1] - places[0])) if len(places) > 1 else 0.0
 
 
 def _come(places: Array, position: float) -> int:
-    """How many pairs the slice has come to."""
+    """Number of pairs that the slice has reached."""
     hair = ROUNDING * max(1.0, abs(position))
     return int(np.searchsorted(places, position + hair, side="right"))
 
 
 class KnownResistance:
-    """Steps of resistance that are known beforehand, as of a maker's curve.
+    """Resistances that are known in advance, such as from a maker's curve.
 
-    A curve that was measured has the work of bending in it. `steps`, `capacities` and `shares` are
-    kept as they are.
+    A measured curve contains the work of bending. `steps`, `capacities` and `shares` are stored as
+    given.
 
     Args:
-        places: Of the pairs, increasing (n,), m.
-        steps: What each resists (n,), N.
-        capacities: Of the drives (n,), N: 0 of a pair that is not driven, inf if not known.
+        places: Positions of the pairs, increasing (n,), m.
+        steps: Resistance of each pair (n,), N.
+        capacities: Capacities of the drives (n,), N: 0 if not driven, inf if unknown.
 
     Raises:
         StrandStopsError: The drives are weaker than the rolls.
@@ -160,28 +160,29 @@ class KnownResistance:
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """The pairs that hold the strand, as the coupled resistance needs them (n,)."""
+    """Data of the pairs that hold the strand for a coupled resistance (n,)."""
 
     numbers: tuple[int, ...]  #: index of each among all pairs of the machine
     places: Array  #: positions, increasing, m
     frictions: Array  #: coefficients of friction (`resistance.friction`)
-    capacities: Array  #: of the drives, N: 0 of a pair that is not driven, inf if not known
+    capacities: Array  #: capacities of the drives, N: 0 if not driven, inf if unknown
 
 
 class CoupledResistance:
-    """Resistance from the forces that the slice itself puts on the rolls (thesis VI.2.3.1).
+    """Resistance from the forces of the slice on the rolls (thesis VI.2.3.1).
 
-    As the slice comes to a pair it tells the force of bulging on it and the strand's moment. The
-    force of bending on a pair in equilibrium hangs on the moment at the pair below: what it resists
-    is felt one pitch later. What the next pair resists by bulging is foreseen with the slice as it
-    is. The work of bending is in the equation of the planes; a drive takes it with the rest.
+    At each pair the slice gives the bulging force and the moment of the strand. The bending force
+    on a pair in equilibrium depends on the moment at the next pair, so that this resistance acts
+    one pitch later. The bulging resistance of the next pair is predicted with the present slice.
+    The work of bending is in the equation of the planes; a drive supplies it with the rest.
 
     Args:
         pairs: The pairs of rolls.
-        bulging: Forces of bulging on them.
-        bending: From the moments: "equilibrium" with the pairs beside it, or "hinges" (320).
-        pays_work: Whether the equation of the planes has the work of bending, as the tangential
-            test direction has.
+        bulging: Bulging forces on them.
+        bending: Bending force: from "equilibrium" with the neighbouring pairs, or of "hinges"
+            (320).
+        pays_work: Whether the equation of the planes contains the work of bending, as with the
+            tangential test direction.
     """
 
     contains_work = False
@@ -216,7 +217,7 @@ class CoupledResistance:
         return passing.work if self._pays_work else 0.0
 
     def _between(self, past: Withdrawal, position: float) -> tuple[float, float]:
-        """External force and drives at a position below the last pair, N."""
+        """External force and drive forces at a position below the last pair, N."""
         places, i = self._pairs.places, past.pairs
         start = float(places[i - 1]) if i else float(places[0] - self._pitches[0])
         along = (position - start) / float(self._pitches[i])
@@ -227,7 +228,7 @@ class CoupledResistance:
         return force, drives
 
     def _passed(self, past: Withdrawal, i: int, passing: Passing) -> Withdrawal:
-        """The state as the slice leaves a pair."""
+        """The state when the slice leaves a pair."""
         pairs, heat, added = self._pairs, passing.temperature, passing.added
         moments = (*past.moments, passing.moment)
         friction = past.friction + self._bulged(i, heat, added[0]) + self._bent(i, moments)
@@ -248,12 +249,12 @@ class CoupledResistance:
         )
 
     def _bulged(self, i: int, temperature: Array, added: float) -> float:
-        """Resistance of a pair by bulging, N."""
+        """Resistance of a pair from bulging, N."""
         force = self._bulging.on_pair(self._pairs.numbers[i], temperature, added)
         return float(resistance.pair_resistances(self._pairs.frictions[i], force, 0.0))
 
     def _bent(self, i: int, moments: tuple[float, float, float]) -> float:
-        """Resistance by bending that is felt as the slice leaves a pair, N."""
+        """Resistance from bending that acts when the slice leaves a pair, N."""
         if self._hinges:
             j, force = i, resistance.hinge_force(moments[2], float(self._pitches[i + 1]))
         elif i:

@@ -1,6 +1,6 @@
-"""What each pair of rolls resists to the strand, and the forces on it that it comes from.
+"""Resistance of each pair of rolls to the strand, and the forces that cause it.
 
-Equation numbers are those of [Pascon2003] (docs/references.md). Forces are those of the whole
+Equation numbers are those of [Pascon2003] (docs/references.md). Forces are those on the whole
 strand, N.
 """
 
@@ -15,13 +15,13 @@ from castfem.base.types import Array
 
 
 def friction(axis: float, surface: float, locked: npt.ArrayLike) -> Array:
-    """Coefficient of friction that each pair resists with, (45)-(46).
+    """Effective coefficient of friction of each pair, (45)-(46).
 
-    A roll turns as long as its axis resists less than its surface can; a locked one slides.
+    A roll turns while the friction of its axis is below that of its surface; a locked one slides.
 
     Args:
-        axis: Of the axes of the rolls.
-        surface: Between strand and roll.
+        axis: Coefficient at the axes of the rolls.
+        surface: Coefficient between strand and roll.
         locked: Whether the rolls of each pair are locked (n,).
     """
     return np.where(np.asarray(locked, bool), surface, min(axis, surface))
@@ -33,18 +33,18 @@ def pair_resistances(
     """Resistance of each pair, N: friction times the forces on its two rolls, (47) and (327).
 
     Args:
-        coefficients: Of friction (n,).
-        bulging: Force of bulging on both rolls of each pair (n,), N.
-        bending: What bending leaves on one of the two more than on the other (n,), N; either sign.
+        coefficients: Coefficients of friction (n,).
+        bulging: Bulging force on both rolls of each pair (n,), N.
+        bending: Difference of the forces on the two rolls by bending (n,), N; either sign.
     """
     return np.asarray(np.asarray(coefficients) * (np.asarray(bulging) + np.abs(bending)))
 
 
 def tributary_lengths(positions: Sequence[float] | Array) -> Array:
-    """Length of strand that each pair carries (n,), m: to the middle of the pitches beside it.
+    """Tributary length of strand of each pair (n,), m: to the middle of the neighbouring pitches.
 
-    The first and the last carry a whole pitch, half of it on the side that has no other; one alone
-    carries nothing that could be told.
+    The first and the last pair have a whole pitch, half of it on the side without a neighbour; a
+    single pair has none.
     """
     pitches = np.diff(np.asarray(positions, float))
     if not len(pitches):
@@ -56,49 +56,49 @@ def tributary_lengths(positions: Sequence[float] | Array) -> Array:
 def pressed(pressure: npt.ArrayLike, lengths: npt.ArrayLike, width: npt.ArrayLike) -> Array:
     """Force of the liquid's pressure on both rolls of each pair (n,), N; see (319).
 
-    Whatever the shell does between the rolls, they carry the pressure of the length that is theirs.
+    However the shell bulges, they carry the pressure on their tributary length.
 
     Args:
-        pressure: Of the liquid in the middle of the strand at each pair, Pa.
-        lengths: Of the strand that each carries, m (`tributary_lengths`).
-        width: Of the liquid behind a wide face, m.
+        pressure: Pressure of the liquid in the middle of the strand at each pair, Pa.
+        lengths: Tributary lengths, m (`tributary_lengths`).
+        width: Width of the liquid behind a wide face, m.
     """
     return 2.0 * np.asarray(pressure, float) * np.asarray(lengths, float) * np.asarray(width, float)
 
 
 def bending_force(moments: Sequence[float], pitches: Sequence[float]) -> float:
-    """What a pair bears by bending, N, positive where it presses on the roll of the extrados.
+    """Force on a pair from bending, N, positive on the roll of the extrados.
 
-    The strand between two pairs has the shear force Q = dM/ds; a pair bears the jump of it. Moments
-    that stay from roll to roll press on none. What the axial force presses on the rolls of an arc,
-    k N L, is left out: 2 kN of the 580 kN of the liquid's pressure.
+    The strand between two pairs has the shear force Q = dM/ds; a pair carries its jump. Equal
+    moments from roll to roll give no force. The force of the axial tension on the rolls of an arc,
+    k N L, is neglected: 2 kN compared with 580 kN from the liquid's pressure.
 
     Args:
-        moments: M at the pair before, at the pair and at the one after, N m, positive where they
-            pull the intrados.
-        pitches: From the pair before, and to the one after, m.
+        moments: M at the pair before, at the pair and at the one after, N m, positive for tension
+            at the intrados.
+        pitches: Distances from the previous pair and to the next one, m.
     """
     before, here, after = moments
     return (here - before) / pitches[0] - (after - here) / pitches[1]
 
 
 def hinge_force(moment: float, pitch: float) -> float:
-    """What a pair bears of a strand with plastic hinges, N, as the thesis takes it: M/L (320).
+    """Force on a pair from a strand with plastic hinges, N, as in the thesis: M/L (320).
 
-    Each pair by itself: between pairs with the same moment equilibrium leaves nothing of it.
+    Each pair is taken by itself; between pairs with equal moments equilibrium gives no force.
 
     Args:
-        moment: At the pair, N m (321).
-        pitch: To the pair after, m.
+        moment: Moment at the pair, N m (321).
+        pitch: Distance to the next pair, m.
     """
     return moment / pitch
 
 
 def steps_of(curve: Callable[[Array], Array], positions: Sequence[float]) -> Array:
-    """Resistance of each pair (n,), N, out of a curve of the resistance from the first pair on.
+    """Resistance of each pair (n,), N, from a cumulative curve that begins at the first pair.
 
     Args:
-        curve: N over position, m; it never falls.
-        positions: Of the pairs, m.
+        curve: Resistance, N, over position, m; it never decreases.
+        positions: Positions of the pairs, m.
     """
     return np.diff(curve(np.asarray(positions, float)), prepend=0.0)

@@ -21,12 +21,12 @@ from castfem.physics.mould.hot.tube import Tube
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceLoad:
-    """What acts on the two faces of the wall, at all nodes of the mesh (nodes,) or one value."""
+    """Thermal loads on the two faces of the wall, at all nodes of the mesh (nodes,) or uniform."""
 
-    flux: Array | float = 0.0  #: from the strand to the hot face, W/m2
-    coefficient: Array | float = 0.0  #: of heat transfer to the water, W/(m2 K)
-    water: Array | float = 0.0  #: its temperature, K
-    #: temperature of the hot face, K, instead of a flux; None where the flux is given
+    flux: Array | float = 0.0  #: heat flux from the strand into the hot face, W/m2
+    coefficient: Array | float = 0.0  #: heat transfer coefficient of the water, W/(m2 K)
+    water: Array | float = 0.0  #: temperature of the water, K
+    #: temperature of the hot face, K, instead of a flux; None with a flux
     hot: Array | float | None = None
     #: temperature of the water side, K, instead of water; None with water
     outer: Array | float | None = None
@@ -37,13 +37,13 @@ class Heated:
     """The temperature of a tube."""
 
     temperature: fem.Function  #: function, K
-    #: heat through the hot face of the quarter, W, by the flux given there; NaN where its
-    #: temperature is given
+    #: heat through the hot face of the quarter, W, from the given flux; NaN if its temperature is
+    #: given
     supplied: float
-    removed: float  #: to the water, W; likewise
-    newton: int  #: iterations of Newton's method
-    solved: Solved  #: the linear solves: iterations of the last
-    hottest: float  #: K
+    removed: float  #: heat to the water, W; NaN likewise
+    newton: int  #: Newton iterations
+    solved: Solved  #: the linear solves: iterations of the last one
+    hottest: float  #: highest temperature, K
 
 
 class Conduction:
@@ -51,8 +51,8 @@ class Conduction:
 
     Args:
         tube: The tube.
-        copper: Its copper.
-        method: Of the linear solver.
+        copper: Properties of the copper.
+        method: Linear solver.
     """
 
     def __init__(self, tube: Tube, copper: Copper, method: Method = "auto") -> None:
@@ -65,7 +65,7 @@ class Conduction:
         """Return the temperature under a load (collective).
 
         Raises:
-            RunFailure: A solver does not converge, or the load leaves no balance.
+            RunFailure: A solver does not converge, or the load allows no steady state.
         """
         tube, copper = self.tube, self.copper
         space = tube.scalars
@@ -81,7 +81,7 @@ class Conduction:
         fixed = _owned_of(conditions, tube.owned)
         matrix, newton = create_matrix(left), 0
         try:
-            most = 30  # iterations of Newton's method
+            most = 30  # largest number of Newton iterations
             for _ in range(most):
                 newton += 1
                 kelvin.x.array[:] = copper.temperature(theta.x.array)
@@ -137,7 +137,7 @@ class Conduction:
         )
 
     def _given(self, load: FaceLoad) -> list[tuple[npt.NDArray[np.int32], fem.Function]]:
-        """Return the unknowns of the faces whose temperature is given, and that temperature."""
+        """Return the unknowns of the faces with a given temperature, and that temperature."""
         found = []
         for name, value in (("inner", load.hot), ("outer", load.outer)):
             if value is not None:
@@ -146,13 +146,13 @@ class Conduction:
         return found
 
     def _conditions(self, load: FaceLoad) -> list[fem.DirichletBC]:
-        """Return what keeps them: Newton's method starts from them and moves them no more."""
+        """Return conditions that keep these fixed: Newton's method starts from the given values."""
         zero = fem.Function(self.tube.scalars)
         return [fem.dirichletbc(zero, dofs) for dofs, _ in self._given(load)]
 
 
 def _owned_of(conditions: list[fem.DirichletBC], owned: int) -> Indices:
-    """Return the owned unknowns (of a scalar space) that conditions hold."""
+    """Return the owned unknowns (of a scalar space) that conditions fix."""
     found = [condition.dof_indices()[0] for condition in conditions]
     dofs = np.concatenate(found) if found else np.zeros(0, np.int64)
     return np.unique(dofs[dofs < owned])

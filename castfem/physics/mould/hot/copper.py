@@ -1,4 +1,4 @@
-"""Copper: conductivity, expansion and stiffness over temperature."""
+"""Properties of mould copper: conductivity, expansion and stiffness over temperature."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from castfem.base.tables import Constant, Table, celsius
 from castfem.base.types import Array
 
 REFERENCE = 20.0 + ZERO_CELSIUS
-"""Temperature from which a table of mean expansion coefficients counts, K."""
+"""Reference temperature of mean expansion coefficients, K."""
 SOFTENS = 400.0 + ZERO_CELSIUS
-"""Temperature beyond which mould copper loses its cold work within a campaign, K."""
+"""Temperature above which mould copper loses its cold work within a campaign, K."""
 MELTS = 1084.62 + ZERO_CELSIUS
 """Freezing point of copper in the International Temperature Scale of 1990, K."""
 CONDUCTIVITY = celsius((20.0, 100.0, 200.0, 300.0), (394.0, 385.0, 381.0, 377.0))
@@ -21,9 +21,9 @@ CONDUCTIVITY = celsius((20.0, 100.0, 200.0, 300.0), (394.0, 385.0, 381.0, 377.0)
 EXPANSION = celsius((100.0, 200.0, 300.0), (16.8e-6, 17.3e-6, 17.7e-6))
 """Mean coefficient from 20 degC to T, [Calcutt2001], 1/K."""
 STIFFNESS = celsius((20.0, 300.0), (117e9, 106e9))
-"""At 20 degC [Smithells2004], its fall with temperature from memory, Pa."""
+"""At 20 degC [Smithells2004]; the decrease with temperature is quoted from memory, Pa."""
 POISSON = 0.34
-"""From memory; [Smithells2004] has 0.34 to 0.35."""
+"""Quoted from memory; [Smithells2004] has 0.34 to 0.35."""
 
 
 def mean_strain(coefficient: Constant | Table, temperature: Array | float) -> Array:
@@ -37,15 +37,15 @@ class Copper:
     """The copper of a mould."""
 
     conductivity: Constant | Table = CONDUCTIVITY  #: k(T), W/(m K)
-    #: mean coefficient from `REFERENCE` to T, or the same from anywhere to T, 1/K
+    #: mean coefficient from `REFERENCE` to T, or a constant, 1/K
     expansion: Constant | Table = EXPANSION
     youngs_modulus: Constant | Table = STIFFNESS  #: E(T), Pa
     poisson: Constant | Table = field(default_factory=lambda: Constant(POISSON))  #: nu(T)
-    #: temperature at which its dimensions are those of the workshop, K
+    #: temperature at which its dimensions are those of the cold mould, K
     cold: float = 25.0 + ZERO_CELSIUS
 
     def thermal_strain(self, temperature: Array | float) -> Array:
-        """Return the strain of free copper from the workshop to a temperature (K)."""
+        """Return the strain of free copper from the cold mould to a temperature (K)."""
         warm = mean_strain(self.expansion, temperature)
         return np.asarray(warm - mean_strain(self.expansion, self.cold))
 

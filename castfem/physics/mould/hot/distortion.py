@@ -1,4 +1,4 @@
-"""Thermoelastic distortion of a tube that is held in its jacket."""
+"""Thermoelastic distortion of a tube held in its jacket."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SUPPORTS: dict[str, dict[str, str]] = {
     "clamped": {"top": "xyz"},
     "between": {"top": "z", "bottom": "z"},
 }
-"""Components that each support holds on a face, beside the planes of symmetry."""
+"""Components that each support fixes on a face, besides the planes of symmetry."""
 _BARLOW = 1.0 / np.sqrt(3.0)
 
 
@@ -50,9 +50,9 @@ class Distorted:
 
     displacement: fem.Function  #: function, m
     solved: Solved  #: the linear solve
-    von_mises: fem.Function  #: stress at the nodes, those of the faces among them, Pa
-    largest_stress: float  #: the largest of these, Pa
-    largest_at: tuple[float, float, float]  #: where (3,), m
+    von_mises: fem.Function  #: von Mises stress at the nodes, including those of the faces, Pa
+    largest_stress: float  #: largest stress at the nodes, Pa
+    largest_at: tuple[float, float, float]  #: its place (3,), m
 
 
 class Distortion:
@@ -60,9 +60,9 @@ class Distortion:
 
     Args:
         tube: The tube.
-        copper: Its copper.
-        support: How it is held.
-        method: Of the linear solver.
+        copper: Properties of the copper.
+        support: Support of the tube.
+        method: Linear solver.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Distortion:
     def stress_at(
         self, moved: fem.Function, temperature: fem.Function, points: Array
     ) -> tuple[Array, Array]:
-        """Return stress and place at reference points of all owned cells.
+        """Return stress and position at reference points of all owned cells.
 
         Args:
             moved: Displacement, m.
@@ -121,7 +121,7 @@ class Distortion:
             points: Reference points (n, 3) of a cell.
 
         Returns:
-            Stress (cells, n, 3, 3), Pa, and places (cells, n, 3), m.
+            Stress (cells, n, 3, 3), Pa, and positions (cells, n, 3), m.
         """
         tube, kelvin = self.tube, temperature.x.array
         parts = [tube.function(), tube.function(), tube.function()]
@@ -136,8 +136,8 @@ class Distortion:
     def _von_mises(self, moved: fem.Function, temperature: fem.Function) -> fem.Function:
         """Return the von Mises stress at the nodes, Pa (collective).
 
-        The stress is most accurate at eight points within each cell. From there it goes on
-        linearly to the nodes of the cell, where the mean of all cells of a node counts.
+        The stress is most accurate at eight points within each cell. It is extrapolated linearly to
+        the nodes of the cell, and averaged over all cells of a node.
         """
         tube = self.tube
         barlow = np.array(np.meshgrid(*[[-_BARLOW, _BARLOW]] * 3, indexing="ij")).reshape(3, -1).T
@@ -153,7 +153,7 @@ class Distortion:
         return found
 
     def _mean_of_cells(self, values: Array) -> Array:
-        """Mean at the owned nodes (owned, m) of what the owned cells have there (cells, n, m)."""
+        """Average at the owned nodes (owned, m) of values in the owned cells (cells, n, m)."""
         tube = self.tube
         dofs = np.asarray(tube.scalars.dofmap.list)[: len(values)]
         sums = []
@@ -169,17 +169,17 @@ class Distortion:
         tube = self.tube
         values = stress.x.array[: tube.owned]
         top = reductions.largest(tube.comm, values)
-        high = values >= top * (1.0 - ROUNDING)  # the same place, whichever rank has it
+        high = values >= top * (1.0 - ROUNDING)  # the same place on any number of ranks
         near = tube.scalars.tabulate_dof_coordinates()[: tube.owned][high]
         own = max((tuple(map(float, place)) for place in near), default=(-np.inf,) * 3)
         x, y, z = max(tube.comm.allgather(own))
         return top, (x, y, z)
 
     def _held(self, space: fem.FunctionSpace) -> tuple[list[fem.DirichletBC], Indices]:
-        """Return the conditions of symmetry and support, and the owned unknowns they hold.
+        """Return the conditions of symmetry and support, and the owned unknowns they fix.
 
         Args:
-            space: Of the displacement, of any order. (Collective.)
+            space: Space of the displacement, of any order. (Collective.)
         """
         tube = self.tube
         faces = {"symmetry_y": "y", "symmetry_x": "x", **SUPPORTS[self.support]}
@@ -190,7 +190,7 @@ class Distortion:
                 dofs = fem.locate_dofs_topological(part, 2, tube.facets(face))
                 conditions.append(fem.dirichletbc(np.array(0.0), dofs, part))
         if self.support == "free":
-            # Symmetry keeps it from turning and drifting aside: one node keeps it from falling.
+            # Symmetry prevents rotation and lateral motion; one node prevents vertical motion.
             corner = tube.first_node
             block = fem.locate_dofs_geometrical(
                 space, lambda x: np.linalg.norm(x.T - corner, axis=1) < ROUNDING
@@ -203,12 +203,12 @@ class Distortion:
     def _first_order(
         self, stiffness: fem.Function, ratio: fem.Function, fixed: Indices
     ) -> CoarseLevel:
-        """Return the elasticity of first order on the same cells (collective).
+        """Return first-order elasticity on the same cells (collective).
 
         Args:
             stiffness: Young's modulus, Pa.
-            ratio: Poisson's.
-            fixed: Owned unknowns of the displacement itself that are held.
+            ratio: Poisson's ratio.
+            fixed: Owned unknowns of the displacement itself that are fixed.
         """
         tube = self.tube
         space = fem.functionspace(tube.mesh, ("Lagrange", 1, (3,)))

@@ -1,4 +1,4 @@
-"""Heat flux into the wall of a mould: round a quarter of it and along it."""
+"""Heat flux into the wall of a mould, around a quarter and along it."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from castfem.physics.mould.perimeter import Places, lengths
 class FluxMap:
     """Flux at places and positions; linear between them, zero above the first position."""
 
-    positions: Array  #: below the meniscus (p,), m, increasing
+    positions: Array  #: positions below the meniscus (p,), m, increasing
     ways: Array  #: length of wall from the middle of the right-hand face (w,), m, increasing
-    flux: Array  #: (p, w), W/m2; below the last position that at the last holds
+    flux: Array  #: (p, w), W/m2; constant below the last position
 
     def on(self, positions: Array, ways: Array) -> Array:
         """Return the flux (positions, ways) at a mesh's nodes.
 
         Args:
-            positions: Of its layers, m.
-            ways: Of its places, m.
+            positions: Positions of its layers, m.
+            ways: Places of its columns, m.
         """
         rows = np.array([np.interp(ways, self.ways, row) for row in self.flux])
         found = np.array(
@@ -34,7 +34,7 @@ class FluxMap:
         return np.asarray(found)
 
     def heat(self, positions: Array) -> float:
-        """Return the heat of the quarter between the first and the last of positions, W."""
+        """Return the heat of the quarter between the first and the last of some positions, W."""
         fine = np.union1d(positions, self.positions)
         fine = fine[(fine >= max(positions[0], self.positions[0])) & (fine <= positions[-1])]
         values = self.on(fine, self.ways)
@@ -47,11 +47,11 @@ def profile(
     """Return a given profile along the mould, falling towards the corners.
 
     Args:
-        flux: Over the position below the meniscus, W/m2.
+        flux: Flux over the position below the meniscus, W/m2.
         sides: Section of the wall at the meniscus.
-        length: Of the mould, m.
+        length: Length of the mould, m.
         corner: Flux on the arc of the corner over that at mid-face.
-        reach: Length of face over which it falls to that, m.
+        reach: Length of face over which the flux falls to that, m.
     """
     kinks = [k for k in flux.kinks if 0.0 < k < length]
     positions = np.unique([0.0, *kinks, length])
@@ -69,17 +69,17 @@ def profile(
 
 
 class WallPlaces:
-    """Places of the wall to which the surface of a strand gives its heat.
+    """Places of the wall that receive the heat of the strand's surface.
 
-    A place of the strand's surface belongs to the place of the wall that is as far round the
-    quarter, counted in pieces of face and corner.
+    A place of the strand's surface corresponds to the place of the wall at the same relative
+    position on its face or corner.
 
     Args:
-        places: Of the surface's vertices on the undeformed strand (n, 2), m.
+        places: Positions of the surface's vertices on the undeformed strand (n, 2), m.
         sides: Section of the wall at the meniscus.
 
     Attributes:
-        ways: Of these places, along the wall from the middle of the right-hand face (w,), m.
+        ways: Length of wall from the middle of the right-hand face to these places (w,), m.
     """
 
     def __init__(self, places: Array, sides: Sides) -> None:
@@ -93,18 +93,18 @@ class WallPlaces:
     def mean(self, flux: Array) -> Array:
         """Return the flux at the places (w,), W/m2, from that at the vertices (n,).
 
-        Of a half or a whole section several vertices stand for one place.
+        For a half or a whole section several vertices correspond to one place.
         """
         return np.asarray(np.bincount(self._number, flux) / np.bincount(self._number))
 
 
 def of_strand(positions: Array, places: Array, flux: Array, sides: Sides) -> FluxMap:
-    """Return the flux that a strand has given off, carried over to the wall's places.
+    """Return the flux of a strand, transferred to the wall's places.
 
     Args:
-        positions: Of the samples (p,), m, increasing.
-        places: Of the surface's vertices on the undeformed strand (n, 2), m.
-        flux: (p, n), W/m2.
+        positions: Positions of the samples (p,), m, increasing.
+        places: Positions of the surface's vertices on the undeformed strand (n, 2), m.
+        flux: Flux (p, n), W/m2.
         sides: Section of the wall at the meniscus.
     """
     wall = WallPlaces(places, sides)

@@ -1,4 +1,4 @@
-"""The hot mould: from the flux of a strand, or a profile, to the wall that the strand meets."""
+"""The hot mould: from the heat flux of a strand, or a profile, to the working wall."""
 
 from __future__ import annotations
 
@@ -28,44 +28,44 @@ from castfem.physics.mould.perimeter import Places, corner_of, lengths, sides_of
 
 @dataclass(frozen=True, slots=True)
 class TubeSettings:
-    """A tube round a cavity, and how it is cooled, held and computed."""
+    """A tube around a cavity: size, cooling, support, mesh."""
 
-    thickness: float  #: of the wall, m
-    above: float  #: how far it goes on above the meniscus, m
-    coefficient: Constant | Table  #: of heat transfer to the water, over position, W/(m2 K)
-    water: Constant | Table  #: temperature of the water, likewise, K
-    support: Support = "hung"  #: how it is held
-    #: temperature of the face towards the strand, likewise, K, instead of a flux
+    thickness: float  #: wall thickness, m
+    above: float  #: length above the meniscus, m
+    coefficient: Constant | Table  #: heat transfer coefficient of the water over position, W/(m2 K)
+    water: Constant | Table  #: temperature of the water over position, K
+    support: Support = "hung"  #: support of the tube
+    #: temperature of the face towards the strand over position, K, instead of a flux
     hot_face: Constant | Table | None = None
-    #: temperature of the water side, likewise, K, instead of water
+    #: temperature of the water side over position, K, instead of water
     water_side: Constant | Table | None = None
-    across: int = 2  #: cells through the wall
-    size: float = 0.012  #: largest cell round the wall and along it, m
-    method: Method = "auto"  #: of the linear solvers
+    across: int = 2  #: number of cells through the wall
+    size: float = 0.012  #: largest cell size round the wall and along it, m
+    method: Method = "auto"  #: method of the linear solvers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotWall:
-    """The inner wall at work, from the meniscus to the exit."""
+    """The inner wall in the working condition, from the meniscus to the exit."""
 
-    #: from the cold wall; in the plane of each section, carried along with the copper (its own way
-    #: along the mould, a millimetre, moves a tapered wall by micrometres)
+    #: displacement from the cold wall, in the plane of each section, carried along with the copper
+    #: (its axial displacement, a millimetre, moves a tapered wall by micrometres)
     displacement: WallDisplacement
     hot: Array  #: temperature of the face towards the strand (p, w), K
-    outer: Array  #: temperature of the water side, likewise
-    longer: float  #: how much longer the tube has become, m
-    heated: Heated  #: the conduction
-    distorted: Distorted  #: the elasticity
-    model: HotMould  #: the tube whose wall it is
+    outer: Array  #: temperature of the water side (p, w), K
+    longer: float  #: elongation of the tube, m
+    heated: Heated  #: result of the conduction
+    distorted: Distorted  #: result of the elasticity
+    model: HotMould  #: the tube of this wall
 
     @property
     def corner(self) -> int | None:
-        """Which of its places lies in the middle of the corner; None of a round."""
+        """Index of the place in the middle of the corner; None for a round."""
         mould = self.model.mould
         return corner_of(sides_of(mould.cavity, mould.tapers, 0.0), self.displacement.ways)
 
     def profile(self) -> tuple[Array, Array]:
-        """Return positions and the hot face's mean temperature round the quarter (p,), K."""
+        """Return positions, and the hot face's temperature averaged around the quarter (p,), K."""
         ways = self.displacement.ways
         mean = np.trapezoid(self.hot, ways, axis=1) / (ways[-1] - ways[0])
         return self.displacement.positions, np.asarray(mean)
@@ -75,19 +75,19 @@ class HotMould:
     """The tube of a mould.
 
     Args:
-        comm: Ranks (collective).
+        comm: Communicator (collective).
         mould: The cold mould, of a rectangle with rounded corners or a round.
-        copper: Its copper.
-        settings: Its wall, water, support and mesh.
+        copper: Properties of the copper.
+        settings: Wall, water, support and mesh.
 
     Attributes:
         tube: The tube.
-        positions: Of the mesh's layers, m.
-        places: Of its columns.
-        ways: Of these, along the wall at the meniscus, m.
+        positions: Positions of the mesh's layers, m.
+        places: Places of its columns.
+        ways: Lengths to these, along the wall at the meniscus, m.
 
     Raises:
-        ValueError: The cavity has no wall that can be offset.
+        ValueError: A wall of this cavity cannot be offset.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class HotMould:
         start = sides_of(mould.cavity, mould.tapers, 0.0)
         right, arc, upper = lengths(start)
         faces = math.ceil(max(right, upper) / settings.size)
-        corner = max(4, math.ceil(arc / settings.size))  # a round asks for more
+        corner = max(4, math.ceil(arc / settings.size))  # more for a round
         self.places = Places.spread(start, max(faces, 1), corner)
         self.ways = self.places.ways(start)
         fine = settings.size / 3.0  # at the meniscus
@@ -105,7 +105,7 @@ class HotMould:
         self.tube = Tube(comm, on_root(comm, self._mesh))
 
     def _mesh(self) -> TubeMesh:
-        """Return the mesh of the cold tube; above the meniscus it goes on without taper."""
+        """Return the mesh of the cold tube; above the meniscus it continues without taper."""
         rows = [
             self.places.on(sides_of(self.mould.cavity, self.mould.tapers, max(float(z), 0.0)))
             for z in self.positions
@@ -118,10 +118,10 @@ class HotMould:
         )  # fmt: skip
 
     def solve(self, flux: FluxMap | None) -> HotWall:
-        """Return the wall at work (collective; the same on all ranks).
+        """Return the working wall (collective; equal on all ranks).
 
         Args:
-            flux: Into the hot face; None where its temperature is given.
+            flux: Flux into the hot face; None if its temperature is given.
 
         Raises:
             RunFailure: A solver does not converge, or the copper would melt.
@@ -136,7 +136,7 @@ class HotMould:
         return HotWall(wall, hot, outer, longer, heated, distorted, self)
 
     def heat(self, flux: FluxMap | None) -> Heated:
-        """Return the temperature of the copper, without its distortion; as `solve`."""
+        """Return the temperature of the copper only, like `solve`."""
         heated = Conduction(self.tube, self.copper, self.settings.method).solve(self._load(flux))
         if heated.hottest > MELTS:
             raise RunFailure(
@@ -150,9 +150,9 @@ class HotMould:
         """Return the temperature of the copper (n,), K, linear between the nodes (collective).
 
         Args:
-            heated: From `heat`.
-            positions: Below the meniscus (n,), m.
-            way: Place round the wall, m.
+            heated: Result of `heat`.
+            positions: Positions below the meniscus (n,), m.
+            way: Place around the wall, m.
             depth: Distance from the hot face, m.
         """
         from scipy.interpolate import RegularGridInterpolator
@@ -172,7 +172,7 @@ class HotMould:
         return Distortion(self.tube, self.copper, self.settings.support, self.settings.method)
 
     def _read(self, kelvin: Array, moved: Array) -> tuple[WallDisplacement, Array, Array, float]:
-        """Return displacement and temperatures below the meniscus, and how much longer it is."""
+        """Return displacement and temperatures below the meniscus, and the elongation."""
         across, around, along = self.tube.shape
         block = kelvin.reshape(along, around, across)
         wall = moved.reshape(along, around, across, 3)
@@ -187,7 +187,7 @@ class HotMould:
         return shape, block[below, :, 0], block[below, :, -1], longer
 
     def _load(self, flux: FluxMap | None) -> FaceLoad:
-        """Return what acts on the faces at the nodes of the mesh; collective for no rank."""
+        """Return the loads on the faces at the nodes of the mesh (not collective)."""
         below = np.maximum(self.positions, 0.0)
         across, around, _ = self.tube.shape
 

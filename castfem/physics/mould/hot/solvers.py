@@ -1,4 +1,4 @@
-"""Linear solvers of the tube: direct where it is small, multigrid where it is large."""
+"""Linear solvers of the tube: direct for small systems, multigrid for large ones."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ HYPRE = {**HEAT, "pc_type": "hypre", "pc_hypre_type": "boomeramg",
          "pc_hypre_boomeramg_strong_threshold": 0.5}  # fmt: skip
 GAMG = {**HEAT, "pc_type": "gamg"}
 # Smoothed aggregation meets a zero pivot with three cells through the wall (a node left as an
-# aggregate by itself is too small for six rigid motions), and needs twice the iterations
-# on these long, flat cells.  The first-order displacement on them, an eighth of the unknowns, is
-# factored instead.
+# aggregate of its own is too small for six rigid body modes), and needs twice the iterations on
+# these long, flat cells. Instead, the first-order displacement on them, an eighth of the unknowns,
+# is factored.
 ELASTIC = {
     "ksp_type": "cg",
     "ksp_rtol": 1e-9,
@@ -43,18 +43,18 @@ ELASTIC = {
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """How a linear system was solved."""
+    """Statistics of a linear solve."""
 
     method: str  #: "direct" or "multigrid"
-    unknowns: int  #: of the system
-    iterations: int  #: of the Krylov method; 0 of a direct one
+    unknowns: int  #: number of unknowns
+    iterations: int  #: Krylov iterations; 0 for a direct solver
 
 
 def chosen(method: Method, unknowns: int) -> Literal["direct", "multigrid"]:
-    """Return the method itself, for "auto" by the number of unknowns.
+    """Return the given method, or for "auto" one by the number of unknowns.
 
-    A thin wall is nearly a surface, whose factors grow little faster than its unknowns
-    (docs/hot_mould.md); memory sets the limit, 10 kB an unknown.
+    A thin wall is nearly two-dimensional, so that factors grow little faster than its unknowns
+    (docs/hot_mould.md); memory sets the limit, 10 kB per unknown.
     """
     if method != "auto":
         return method
@@ -62,7 +62,7 @@ def chosen(method: Method, unknowns: int) -> Literal["direct", "multigrid"]:
 
 
 def heat_options(method: str) -> Mapping[str, Any]:
-    """Return the options of the conduction: hypre's multigrid where PETSc has it."""
+    """Return the options of the conduction: hypre's multigrid if PETSc has it."""
     if method == "direct":
         return DIRECT
     return HYPRE if PETSc.Sys.hasExternalPackage("hypre") else GAMG
@@ -75,10 +75,10 @@ def elastic_options(method: str) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoarseLevel:
-    """The same problem with fewer unknowns, which corrects the smoothed error."""
+    """The same problem with fewer unknowns, for the coarse-grid correction."""
 
-    matrix: PETSc.Mat  #: assembled
-    #: of its unknowns to those of the finer level; zero where either is held
+    matrix: PETSc.Mat  #: assembled matrix
+    #: interpolation of its unknowns to the finer level; zero where either is fixed
     interpolation: PETSc.Mat
 
     def destroy(self) -> None:
@@ -88,13 +88,13 @@ class CoarseLevel:
 
 
 class LinearSolver:
-    """A symmetric, positive definite system of one matrix.
+    """A symmetric, positive definite system with one matrix.
 
     Args:
-        matrix: Assembled; its owner frees it.
-        prefix: Of its options in PETSc's database, ends in an underscore.
-        options: Without prefix.
-        coarse: Coarser level of multigrid, if `options` ask for PETSc's "mg"; its owner frees it.
+        matrix: Assembled matrix; its owner frees it.
+        prefix: Prefix of its options in PETSc's database, ends in an underscore.
+        options: Options without the prefix.
+        coarse: Coarser level of multigrid, if `options` use PETSc's "mg"; its owner frees it.
     """
 
     def __init__(
@@ -145,6 +145,6 @@ class LinearSolver:
         return self._x.getArray().copy(), 0 if direct else self._ksp.getIterationNumber()
 
     def destroy(self) -> None:
-        """Free the PETSc objects but for the matrix."""
+        """Free the PETSc objects except the matrix."""
         for thing in (self._ksp, self._x, self._b):
             thing.destroy()

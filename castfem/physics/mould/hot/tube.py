@@ -1,4 +1,4 @@
-"""The mesh of a tube over the ranks, its faces by name, and nodal values to and from rank 0."""
+"""The distributed mesh of a tube, its faces by name, and gathering of nodal values."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from castfem.meshes.tube import TubeMesh
 
 FACES = ("inner", "outer", "symmetry_y", "symmetry_x", "top", "bottom", "collar")
-"""Of the block: across the wall, round it (y = 0 first, then x = 0), along it; the collar is the
-inner wall above the meniscus."""
+"""Faces of the block: across the wall, around it (y = 0 first, then x = 0), along it; the collar is
+the inner wall above the meniscus."""
 
 
 class Tube:
@@ -30,13 +30,13 @@ class Tube:
     Args:
         comm: Communicator; the constructor is collective.
         source: The mesh on rank 0; ignored (may be None) elsewhere.
-        degree: Of the unknowns, 1 or 2; at least the order of the mesh.
+        degree: Degree of the unknowns, 1 or 2; at least the order of the mesh.
 
     Attributes:
         comm: Communicator.
         mesh: DOLFINx mesh.
-        facet_tags: Tags of the faces, by position in `FACES`.
-        shape: Nodes of the mesh across the wall, round it, along it.
+        facet_tags: Tags of the faces, by index in `FACES`.
+        shape: Numbers of nodes of the mesh across the wall, around it, along it.
         scalars: Space of temperatures and properties.
         vectors: Space of displacements.
     """
@@ -59,30 +59,30 @@ class Tube:
         shared = min(geometry.shape[1], dofs.shape[1])
         index_map = self.scalars.dofmap.index_map
         self.owned = int(index_map.size_local)
-        # Nodes of the cells' geometry stand in the order of the unknowns of the same degree.
+        # Nodes of the cells' geometry are in the order of the unknowns of the same degree.
         self.node_of_dof = np.full(self.owned + index_map.num_ghosts, -1, np.int64)
         self.node_of_dof[dofs[:, :shared]] = original[geometry[:, :shared]]
         self.facet_tags = self._tag(geometry, original)
 
     @cached_property
     def unknowns(self) -> int:
-        """Unknowns of the displacement, all ranks together."""
+        """Total number of unknowns of the displacement."""
         return 3 * int(self.scalars.dofmap.index_map.size_global)
 
     @cached_property
     def first_node(self) -> Array:
-        """Place of the mesh's first node (3,), m; the first look is collective."""
+        """Position of the mesh's first node (3,), m; the first call is collective."""
         (mine,) = np.nonzero(self.node_of_dof[: self.owned] == 0)
         places = self.comm.allgather(self.scalars.tabulate_dof_coordinates()[mine])
         return np.concatenate(places)[0]
 
     @cached_property
     def dx(self) -> ufl.Measure:
-        """Volume."""
+        """Volume measure."""
         return ufl.Measure("dx", domain=self.mesh, metadata={"quadrature_degree": 2 * self.degree})
 
     def surface(self, name: str) -> ufl.Measure:
-        """Surface of a face."""
+        """Surface measure of a face."""
         rule = {"quadrature_degree": 2 * self.degree + 2}
         ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags, metadata=rule)
         return ds(FACES.index(name))
@@ -92,7 +92,7 @@ class Tube:
         return np.asarray(self.facet_tags.find(FACES.index(name)))
 
     def function(self, values: Array | float | None = None) -> fem.Function:
-        """Scalar function; of nodal values (nodes,) that every rank has, or one value."""
+        """Return a scalar function from nodal values (nodes,) known on all ranks, or a constant."""
         found = fem.Function(self.scalars)
         if values is not None and np.ndim(values):
             found.x.array[:] = np.asarray(values)[self.node_of_dof]
@@ -113,7 +113,7 @@ class Tube:
         return whole
 
     def _tag(self, geometry: Indices, original: Indices) -> dmesh.MeshTags:
-        """Tag boundary facets by where their vertices lie in the block."""
+        """Tag boundary facets by the position of their vertices in the block."""
         topology = self.mesh.topology
         topology.create_connectivity(3, 0)
         topology.create_connectivity(2, 3)

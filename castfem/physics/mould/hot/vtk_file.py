@@ -1,4 +1,4 @@
-"""A hot tube as one file for ParaView."""
+"""Writes a hot tube to a file for ParaView."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from castfem.physics.mould.hot.model import HotWall
 
 
 def write_tube(target: Path, wall: HotWall) -> None:
-    """Write the quarter of a tube as an unstructured grid of VTK (collective).
+    """Write the quarter of a tube as a VTK unstructured grid (collective).
 
-    Each brick of second order becomes eight hexahedra between its nodes. The tube stands as it is
-    cold, z up from the meniscus, m; at its nodes are `temperature` (K), `displacement` (m) and
+    Each second-order brick becomes eight hexahedra between its nodes. The tube has its cold shape,
+    z upwards from the meniscus, m; nodal data are `temperature` (K), `displacement` (m) and
     `von_mises` (Pa).
 
     Args:
-        target: The file, its ending .vtu.
-        wall: What the heat has done to it.
+        target: Output file, with the ending .vtu.
+        wall: The hot wall.
 
     Raises:
         RunFailure: The file cannot be written.
@@ -53,7 +53,7 @@ def lattice(shape: tuple[int, int, int]) -> Indices:
     """Hexahedra (n, 8) between the nodes of a block, the first face towards the lower end.
 
     Args:
-        shape: Nodes across, round, along; node (i, j, k) is number (k * round + j) * across + i.
+        shape: Nodes across, around, along; node (i, j, k) has number (k * round + j) * across + i.
     """
     across, around, _ = shape
     i, j, k = np.meshgrid(*(np.arange(n - 1) for n in shape), indexing="ij")
