@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.report import ROOT, Output, table
 from benchmarks.stated_error import run_all
 from castfem.model import Case, load_case
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.studies.accuracy.ladder import BASE, Level, levels, quiet
 from castfem.studies.accuracy.sizes import AXES, MESH, changes, factors_of
 

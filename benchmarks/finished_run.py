@@ -13,7 +13,7 @@ from castfem.base.errors import RunFailure
 from castfem.model import Case
 from castfem.runs import loop
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 if TYPE_CHECKING:
     import pandas as pd

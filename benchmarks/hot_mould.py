@@ -18,7 +18,7 @@ from benchmarks.report import ROOT, Columns, Output
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.stopwatch import peak_memory
 from castfem.model import load_case
-from castfem.model.build_mould import nominal_mould
+from castfem.model.mould_from_case import nominal_mould
 from castfem.physics.mould.hot.model import HotMould, HotWall
 from castfem.physics.mould.mould import Mould
 from castfem.studies.mould_fit.coupled import (

@@ -35,10 +35,10 @@ from castfem.physics.materials.phase_table import Request, Scheil
 from castfem.post.plots.maps import draw_depths
 from castfem.post.plots.style import Abscissa, look
 from castfem.runs.loop import TimeLoop
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.output.surface_maps import DEPTHS, SurfaceMaps
-from castfem.runs.results import hot_tearing
-from castfem.runs.results.hot_tearing import Tearing
+from castfem.runs.results import hot_tearing_tracking as hot_tearing
+from castfem.runs.results.crack_state import Tearing
 from castfem.runs.results.thermal_quantities import temperature_at
 from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation.fidelity import at_level

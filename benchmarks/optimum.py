@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from benchmarks.report import Columns, Output
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.post.compare.optimum_tables import mould_table
 from castfem.post.plots.studies import optimum_figure
 from castfem.post.plots.style import save

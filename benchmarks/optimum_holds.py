@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.optimum import folder
 from benchmarks.report import Columns, Output
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.studies.optimisation import Evaluator, Optimum, Study
 
 SCENES: dict[str, tuple[int, dict[str, Any]]] = {

@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmarks.optimum import folder
 from benchmarks.report import Columns, Output
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.post.compare.optimum_tables import mould_table
 from castfem.post.plots.studies import front_figure, indices_figure, mould_figure
 from castfem.post.plots.style import save

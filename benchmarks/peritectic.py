@@ -25,7 +25,7 @@ from castfem.base.libraries import own_style
 from castfem.base.types import Array
 from castfem.model import Case, load_case
 from castfem.model.shipped_cases import find
-from castfem.physics.constitutive.curves import Austenite, DeltaFerrite
+from castfem.physics.constitutive.flow_curves import Austenite, DeltaFerrite
 from castfem.physics.materials import Steel, load_steel
 from castfem.runs.output.fields import Fields
 from castfem.studies.accuracy.estimate import estimate

@@ -24,7 +24,7 @@ from benchmarks.report import Output
 from castfem.api import run, sensitivities
 from castfem.model import Case
 from castfem.model.build.simulation import build
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.runs.loop import TimeLoop
 from castfem.studies.sensitivity.followed_run import Recorder, follow
 from castfem.studies.sensitivity.readings import Readings, asked_quantities

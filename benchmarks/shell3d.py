@@ -31,9 +31,9 @@ from castfem.physics.constitutive import Elasticity, ThermoElastic
 from castfem.physics.contact.roll_support import Bed, GivenFoundation, RollSupport
 from castfem.physics.machine.bulging import ElasticStrip, Shell, Span
 from castfem.physics.machine.bulging.plate import clamped_deflection
-from castfem.physics.mechanics.definition import Slice
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.supports import SurfacePressure
 

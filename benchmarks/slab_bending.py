@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
 from castfem.model import Case, load_case
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 if TYPE_CHECKING:
     import pandas as pd

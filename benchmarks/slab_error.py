@@ -22,7 +22,7 @@ from benchmarks.report import ROOT, Columns, Output, errors_over_time
 from castfem.model import Case, load_case
 from castfem.model.build.simulation import build, build_mesh
 from castfem.runs import loop
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,7 +16,7 @@ from benchmarks.report import ROOT, Columns, Output
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.physics.machine.stations import Stations
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.output.surface_maps import SurfaceMaps
 
 RUNS = ROOT / "results" / "slab1200"

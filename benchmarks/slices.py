@@ -16,8 +16,8 @@ from castfem.base.stopwatch import Stopwatch
 from castfem.base.types import Array
 from castfem.fem.section import Section
 from castfem.physics.materials import Steel
-from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.thermal.boundary import Cooling, Surface
 from castfem.physics.thermal.flux_laws import PrescribedTemperature, SurfaceLaw

@@ -14,7 +14,7 @@ from typing import Any
 from benchmarks.report import PAGE, ROOT, Columns, Output, table
 from castfem.model import Case, load_case
 from castfem.post.compare.study_tables import main_names, quantity_of
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import plain_label
 from castfem.studies.accuracy.ladder import Ladder, Level, levels, prepare
 from castfem.studies.accuracy.sizes import AXES, axes_of, changes

@@ -19,8 +19,8 @@ import numpy.typing as npt
 from castfem.base.libraries import own_style
 from castfem.base.tables import Constant
 from castfem.base.types import Array
-from castfem.physics.constitutive.curves import modified_norton_hoff, yield_limit
 from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_curves import modified_norton_hoff, yield_limit
 from castfem.physics.constitutive.hardening_laws import NortonHoff
 from castfem.physics.constitutive.uniaxial import Tension, pull
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import castfem
 from benchmarks.report import ROOT, Output
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 CASES = ROOT / "cases" / "verification"
 NAMES = ("alloy_similarity", "neumann", "weiner_boley_coarse", "weiner_boley")

@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.report import ROOT, Output
 from castfem.model import Case, load_case, shipped_cases
-from castfem.model.caster import by_plant, followed, slice_of, starts_of
+from castfem.model.caster_slices import by_plant, followed, slice_of, starts_of
 from castfem.post.plots.caster_figures import strand_figure
 from castfem.runs.caster.files import read_table
 from castfem.runs.output.run_record import RunRecord

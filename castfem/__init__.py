@@ -21,8 +21,8 @@ Packages, upstream first; each is independent of those after it (docs/architectu
     fem/            DOLFINx and PETSc, of any physics
     physics/        materials, constitutive laws, machine, mould, thermal, contact, mechanics,
                     coupling, closed_forms: one step of each problem at a time
-    model/          case files, checked; model/build: from a case to the computing objects
-    runs/           output, results, tensile; the time loop from the meniscus to the end
+    model/          case files, checked (model/checks); model/build: from a case to the computing objects
+    runs/           output, results, tensile, caster; the time loop from the meniscus to the end
     studies/        several runs: identification, mould_fit, sensitivity, sweep, accuracy,
                     optimisation, calibration
     post/           plots, report, compare, html, watch: figures and reports on runs
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, caster, run, sensitivities
     from castfem.base.errors import CastfemError, InputError, RunFailure
     from castfem.base.result_registry import quantity
-    from castfem.model.shipped_cases import load
+    from castfem.model.load import load
     from castfem.several_runs import (
         comparison,
         error_table,

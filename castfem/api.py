@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.base.process import collected, one_at_a_time
-from castfem.model.shipped_cases import as_case, load
-from castfem.runs.result import RunResult, Snapshot, nearest_index
+from castfem.model.load import as_case, load
+from castfem.runs.run_result import RunResult, Snapshot, nearest_index
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -68,7 +68,7 @@ def run(
 
     from castfem.base import log
     from castfem.base.progress import Progress
-    from castfem.fem.root import on_root
+    from castfem.fem.rank_zero import on_root
     from castfem.runs import loop
 
     comm = MPI.COMM_WORLD if comm is None else comm
@@ -126,7 +126,7 @@ def caster(
 
     from castfem.base import log
     from castfem.base.progress import Progress
-    from castfem.fem.root import on_root
+    from castfem.fem.rank_zero import on_root
     from castfem.runs.caster.files import CasterResult
     from castfem.runs.caster.run import run_caster
 

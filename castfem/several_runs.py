@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from castfem.base.errors import InputError
-from castfem.model.shipped_cases import as_case
+from castfem.model.load import as_case
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from castfem.physics.mould.displaced import WallDisplacement
     from castfem.physics.mould.mould import Mould
     from castfem.studies.mould_fit.coupled import Turn
-    from castfem.studies.mould_fit.section import Attempt, Outline
+    from castfem.studies.mould_fit.meniscus_outline import Attempt, Outline
     from castfem.studies.optimisation import Optimum
     from castfem.studies.sweep.record import Record
     from castfem.studies.sweep.work import Job
@@ -261,7 +261,7 @@ def optimise(
     """
     from mpi4py import MPI
 
-    from castfem.fem.root import raise_together
+    from castfem.fem.rank_zero import raise_together
     from castfem.studies.optimisation import Evaluator, Study, serve
     from castfem.studies.optimisation.argument_checks import origin_of
 
@@ -336,7 +336,7 @@ def find_section(
     from mpi4py import MPI
 
     from castfem.runs.results.labels import read_number
-    from castfem.studies.mould_fit import section
+    from castfem.studies.mould_fit import meniscus_outline as section
 
     sound = as_case(case, "find_section")
     place = read_number("at", at, "m")
@@ -383,7 +383,7 @@ def mould_at_work(
     """
     from mpi4py import MPI
 
-    from castfem.model.build_mould import nominal_mould
+    from castfem.model.mould_from_case import nominal_mould
     from castfem.studies.mould_fit.coupled import AGREEMENT, drawing, hot_mould_of, table_of
 
     sound = as_case(case, "mould_at_work")

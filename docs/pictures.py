@@ -15,10 +15,10 @@ from PIL import Image
 from castfem.api import sensitivities
 from castfem.cli.mould import draw_hot_mould
 from castfem.model import load_any, load_case
-from castfem.model.build_machine import known_resistance
-from castfem.model.build_mould import build_mould
+from castfem.model.machine_from_case import known_resistance
+from castfem.model.mould_from_case import build_mould
 from castfem.model.tensile import TensileCase
-from castfem.physics.constitutive.curves import Austenite
+from castfem.physics.constitutive.flow_curves import Austenite
 from castfem.physics.constitutive.uniaxial import pull
 from castfem.post.plots.figures import draw_figures
 from castfem.post.plots.machine import draw as draw_machine

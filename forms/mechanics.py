@@ -15,7 +15,7 @@ rule, second-order cells lock where flow leaves the volume unchanged. On each ce
 pressure and change of volume are linear in x and y (docs/mechanics.md), and the law gets a strain
 with this trace. In the stiffness this leads to products of integrals over a cell, int K P(tr
 eps(u)) P(tr eps(v)), with P the projection on 1, x, y; UFL cannot express them, so they are added
-to these forms cell by cell (`castfem.physics.mechanics.volume`).
+to these forms cell by cell (`castfem.physics.mechanics.mean_stress`).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """

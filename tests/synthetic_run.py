@@ -10,7 +10,7 @@ from scipy.special import erf
 from castfem.base.shown_quantity import Quantity
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import History
-from castfem.runs.output.summary import Reference, Summary, Zone, compare
+from castfem.runs.output.summary_file import Reference, Summary, Zone, compare
 from castfem.runs.output.xdmf import FieldWriter
 
 SOLIDUS, LIQUIDUS = 1725.15, 1775.65

@@ -7,8 +7,10 @@ import re
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from PIL import Image
+from scipy.sparse.csgraph import connected_components
 
 import castfem
 
@@ -33,6 +35,28 @@ def test_dependence_has_one_direction(packages: ModuleType) -> None:
         if needed in place and place[needed] > place[unit]
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def test_no_circle_of_more_than_three_files(packages: ModuleType) -> None:
+    """Files that import each other, types and imports within functions included."""
+    paths = [path for _, path in packages.files()]
+    modules = [
+        ".".join(("castfem", *path.relative_to(ROOT).with_suffix("").parts))
+        .replace("castfem.castfem", "castfem")
+        .removesuffix(".__init__")
+        for path in paths
+    ]
+    place = {module: i for i, module in enumerate(modules)}
+    table = np.zeros((len(paths), len(paths)))
+    for i, path in enumerate(paths):
+        for _, name in packages.named(path):
+            needed = place.get(name, place.get(name.rpartition(".")[0]))
+            if needed is not None and needed != i:
+                table[i, needed] = 1.0
+    assert table.sum() > 2 * len(paths)
+    _, circle = connected_components(table, connection="strong")
+    members = [[m for m, c in zip(modules, circle, strict=True) if c == k] for k in set(circle)]
+    assert not [names for names in members if len(names) > 3]
 
 
 def test_every_package_has_its_place(packages: ModuleType) -> None:

@@ -36,7 +36,7 @@ IN_PROSE = ("chief", "march", "marched", "marches", "marching", "passage", "pass
 # Keys of a case keep the name they were given.
 KEYS = {"mush", "settled", "steepest"}
 # Has what files of earlier versions call things, beside what they are called.
-EARLIER = ROOT / "castfem" / "runs" / "output" / "summary.py"
+EARLIER = ROOT / "castfem" / "runs" / "output" / "summary_file.py"
 
 
 def sources() -> list[Path]:

@@ -33,6 +33,7 @@ ORDER = {
     "runs.tensile": "tensile tests of a law",
     "runs.results": "what is read off the slice",
     "runs": "from the meniscus to the end",
+    "runs.caster": "many slices of one strand",
     "studies.identification": "laws fitted to tensile tests",
     "studies.mould_fit": "strand and mould fitted to each other",
     "studies.sensitivity": "derivatives of a run",
@@ -68,20 +69,22 @@ def files() -> Iterator[tuple[str, Path]]:
                 yield unit, path
 
 
-def imported(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield line and package of all that a file imports of castfem, types included."""
+def named(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield line and dotted name of all that a file imports of castfem, types included."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module == "castfem":
-            names = [f"castfem.{alias.name}" for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module]
-        for name in names:
-            first, _, rest = name.partition(".")
-            if first == "castfem" and rest:
-                yield node.lineno, package_of(rest)
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        yield from ((node.lineno, name) for name in names if name.startswith("castfem."))
+
+
+def imported(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield line and package of all that a file imports of castfem, types included."""
+    for line, name in named(path):
+        yield line, package_of(name.partition(".")[2])
 
 
 def arrows() -> list[tuple[str, str]]:

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.physics.thermal.spray_water import OfCorrelation
-from castfem.physics.thermal.sprays import CORRELATIONS
+from castfem.physics.thermal.spray_correlations import CORRELATIONS
+from castfem.physics.thermal.spray_flux import OfCorrelation
 
 HERE = Path(__file__).parent
 WATER = 25.0  # degC

@@ -34,7 +34,7 @@ MODULES = (
     "castfem.runs.results.thermal_quantities",
     "castfem.runs.results.mechanical_quantities",
     "castfem.runs.results.contact_quantities",
-    "castfem.runs.results.quality_quantities",
+    "castfem.runs.results.crack_quantities",
     "castfem.runs.results.hot_tearing_quantities",
     "castfem.runs.results.closed_form_quantities",
 )

@@ -16,7 +16,7 @@ import click
 
 from castfem import __version__
 from castfem.base.errors import InputError, RunFailure
-from castfem.cli import options, pictures, studies
+from castfem.cli import case_commands, options, study_commands
 from castfem.cli.command import Argument, Group, command
 from castfem.cli.options import PATH, case_name, file_for, folder, folders, output, overrides, quiet
 
@@ -271,7 +271,7 @@ def completion(shell: str) -> None:
     """Print the script with which a shell completes commands, case names and keys of --set."""
     from castfem.cli.command import script
 
-    print(script(shell))
+    print(script(shell, app))
 
 
 @click.group(
@@ -288,10 +288,7 @@ def app() -> None:
 
 
 for one in (
-    run, studies.sweep, studies.error, studies.optimise, studies.calibrate, studies.sensitivity,
-    studies.caster,
-    check, cases, init, show, watch, compare, report, pictures.mesh, pictures.mould,
-    pictures.section, pictures.machine, pictures.strand, pictures.material, pictures.identify,
-    schema, completion,
+    run, *study_commands.COMMANDS, check, cases, init, show, watch, compare, report,
+    *case_commands.COMMANDS, schema, completion,
 ):  # fmt: skip
     app.add_command(one)

@@ -20,7 +20,6 @@ from castfem.cli.many_runs import View
 from castfem.cli.options import chosen
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
-from castfem.model.shown_units import units_of
 from castfem.post.plots.studies import Compared, calibration_figure
 from castfem.post.plots.style import save
 from castfem.runs.results.needs import faults_of
@@ -118,7 +117,7 @@ def _check_results(case: Case, measured: Sequence[Measured]) -> None:
 
 def _report(found: Calibration, target: Path, quiet: bool, units: Sequence[str]) -> None:
     write(target, found)
-    with chosen(units), shown_in(units_of(found.case)):
+    with chosen(units), shown_in(found.case.shown_units):
         save(calibration_figure(_panels(found)), target / FIGURE_NAME)
         if not quiet:
             say(parallel.console(), _keys(found), "", *_words(found, target))

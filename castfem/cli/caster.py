@@ -16,7 +16,6 @@ from castfem.cli import parallel
 from castfem.cli.options import Request, chosen, read_from
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.shipped_cases import CASE_NAME
-from castfem.model.shown_units import units_of
 from castfem.runs import existing_run
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
@@ -95,7 +94,7 @@ def show_caster(
 ) -> None:
     """Print and draw the results of a caster."""
     case = load_case(folder / CASE_NAME)
-    with chosen(units), shown_in(units_of(case)):
+    with chosen(units), shown_in(case.shown_units):
         written = [CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME]
         if figures:
             from castfem.post.plots.caster_figures import draw_caster

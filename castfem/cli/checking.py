@@ -14,8 +14,9 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Table
 from castfem.base.units import convert
 from castfem.cli.options import read_from
-from castfem.model import AnyCase, Case, Reading, TensileCase, plausibility, read_case
+from castfem.model import AnyCase, Case, Reading, TensileCase, read_case
 from castfem.model.base import FaultyError
+from castfem.model.checks import unusual
 from castfem.model.cooling import Radiation
 from castfem.model.heat_law import no_emissivity, no_expansion
 from castfem.model.probe import outside
@@ -81,7 +82,7 @@ def _print_warnings(
     """
     warnings = list(reading.warnings)
     if isinstance(reading.case, Case) and steel is not None:
-        found = plausibility.warnings_with(reading.case, steel, law_carbon, law)
+        found = unusual.warnings_with(reading.case, steel, law_carbon, law)
         warnings += [reading.line(problem) for problem in found]
     for warning in warnings:
         if not warning.startswith(scaled):
@@ -127,7 +128,7 @@ def _lacking(case: Case, steel: Steel | None) -> Iterator[Problem]:
     if case.mechanics is not None and (lack := no_expansion(steel)):
         yield Problem(("steel", "name"), lack)
     if case.quality is not None and case.quality.hot_tearing:
-        from castfem.runs.results.hot_tearing import lacks
+        from castfem.runs.results.hot_tearing_tracking import lacks
 
         if (missing := lacks(case.quality, steel)) is not None:
             yield Problem(("quality", *missing[0].split(".")), missing[1])
@@ -190,7 +191,7 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
         try:
             place = probe.place(mesh.probes)
             if not mesh.holds(*place):
-                raise outside(case, probe.name, place)
+                raise outside(case.section, probe.name, place)
         except InputError as error:
             problems += [f"{path}: {problem}" for problem in error.problems]
     problems += [f"{path}: {problem}" for problem in drive_faults(case)]
@@ -219,7 +220,7 @@ def drive_faults(case: Case) -> Iterator[str]:
     machine = case.machine
     if machine is None or machine.extraction is None:
         return
-    from castfem.model.build_machine import known_resistance
+    from castfem.model.machine_from_case import known_resistance
     from castfem.physics.machine.extraction.drives import StrandStopsError
 
     try:

@@ -139,12 +139,10 @@ compdef _castfem_keys castfem
 }
 
 
-def script(shell: str) -> str:
+def script(shell: str, app: click.Command) -> str:
     """Return the completion script of a shell."""
     if shell not in _SCRIPTS:
         raise InputError(f"{shell}: no such shell; there are {', '.join(_SCRIPTS)}")
-    from castfem.cli.app import app
-
     found = get_completion_class(shell)
     assert found is not None
     source = found(app, {}, "castfem", VARIABLE).source()

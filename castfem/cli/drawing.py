@@ -78,7 +78,7 @@ def draw_material(
     check_picture(picture)
     from castfem.physics.materials import describe_steel, load_steel
     from castfem.physics.materials.phase_table import Request, Scheil
-    from castfem.physics.materials.plot import plot_steel
+    from castfem.post.plots.steel import plot_steel
 
     load = partial(load_steel, name, Path.cwd(), composition=amounts, origin="steel")
     beside = None

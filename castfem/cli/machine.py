@@ -17,12 +17,12 @@ from castfem.base.units import factor_and_zero
 from castfem.cli import parallel
 from castfem.cli.drawing import check_picture, drawing
 from castfem.model import Case, load_case
-from castfem.model.build_machine import capacities, known_resistance
 from castfem.model.machine import thickness_of
+from castfem.model.machine_from_case import capacities, known_resistance
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.physics.machine.rolls import Pair, Rolls
 from castfem.runs.output.history import HISTORY_NAME, read_columns
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 if TYPE_CHECKING:
     from castfem.model.secondary import Secondary
@@ -88,7 +88,7 @@ def circuit_table(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
     from castfem.cli.drawing import build_mesh
     from castfem.model.defects import Nozzles
     from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
-    from castfem.physics.machine.sprays import footprint, gap_below, longest_spray
+    from castfem.physics.machine.spray_layout import footprint, gap_below, longest_spray
     from castfem.physics.materials import load_steel
 
     steel = load_steel(
@@ -131,7 +131,7 @@ def circuit_table(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
 
 def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
     """Return labels and values that describe a machine."""
-    from castfem.physics.machine.phases import off_stretches, phases
+    from castfem.physics.machine.bending_zones import off_stretches, phases
 
     line, pairs = rolls.line(thickness), rolls.pairs
     drives = [pair for pair in pairs if pair.driven]

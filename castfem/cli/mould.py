@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from castfem.physics.mould import Mould, Zone
     from castfem.physics.mould.hot.model import HotWall
     from castfem.studies.mould_fit.coupled import Drawing, Turn
-    from castfem.studies.mould_fit.section import Attempt, Outline
+    from castfem.studies.mould_fit.meniscus_outline import Attempt, Outline
 
 _WHERE = {"width": "mid-face, width", "height": "mid-face, height", "diagonal": "corner, diagonal"}
 _ROWS = 12
@@ -41,7 +41,7 @@ _RESULTS = (
 
 def draw_mould(case: Case, picture: Path, origin: str) -> None:
     """Print size and taper of a case's mould and draw it."""
-    from castfem.model.build_mould import build_mould
+    from castfem.model.mould_from_case import build_mould
     from castfem.post.plots.mould import draw
 
     table = case.mould
@@ -101,7 +101,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     """Compute the hot mould, print and draw it; write wall and tube beside the picture."""
     from mpi4py import MPI
 
-    from castfem.model.build_mould import nominal_mould
+    from castfem.model.mould_from_case import nominal_mould
     from castfem.model.wall_shape import write_wall
     from castfem.physics.mould.hot.vtk_file import write_tube
     from castfem.post.plots.mould import draw_hot
@@ -228,7 +228,11 @@ def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None
 
     from castfem.model.wall_shape import write_wall
     from castfem.post.plots.mould import draw_section
-    from castfem.studies.mould_fit.section import find_section, natural_wall, sides_of_section
+    from castfem.studies.mould_fit.meniscus_outline import (
+        find_section,
+        natural_wall,
+        sides_of_section,
+    )
 
     check_picture(picture)
     try:

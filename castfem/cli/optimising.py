@@ -14,8 +14,7 @@ from castfem.base.table import Table, say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import Request, chosen
 from castfem.model import load_case, shipped_cases
-from castfem.model.shared_heat import fixed_while_varied
-from castfem.model.shown_units import units_of
+from castfem.model.checks.shared_heat import fixed_while_varied
 from castfem.post.compare.optimum_tables import (
     FRONT_NAME,
     MOULD_NAME,
@@ -26,7 +25,7 @@ from castfem.post.compare.optimum_tables import (
     write_mould_table,
 )
 from castfem.post.report.cautions import cautions_of_all
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.studies.optimisation.fidelity import THERMAL
 from castfem.studies.optimisation.study import Study
 from castfem.studies.sweep.record import check_own
@@ -70,7 +69,7 @@ def _done(study: Study, target: Path, options: Request) -> int:
     with study.evaluator:
         lines = RunLines(options.quiet)
         optimum = study.solve(lines.ended, stage=lines.stage)
-    with chosen(options.units), shown_in(units_of(study.problem.case)):
+    with chosen(options.units), shown_in(study.problem.case.shown_units):
         return _report(study, optimum, target, options)
 
 

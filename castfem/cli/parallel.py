@@ -78,7 +78,7 @@ def _by_slurm() -> bool:
 
 def _meet() -> None:
     """Check that messages from each rank reach the others (collective); abort if not."""
-    from castfem.fem.root import all_arrive
+    from castfem.fem.rank_zero import all_arrive
 
     comm = communicator()
     if comm is None or all_arrive(comm, _REACHED):
@@ -148,7 +148,7 @@ def settle() -> None:
     sys.stderr.flush()
     comm = communicator()
     if comm is not None:
-        from castfem.fem.root import all_arrive
+        from castfem.fem.rank_zero import all_arrive
 
         all_arrive(comm)
         time.sleep(_DRAINED)
@@ -158,6 +158,6 @@ def together(comm: MPI.Intracomm | None) -> AbstractContextManager[object]:
     """Return a context in which an error on one rank ends all (collective)."""
     if comm is None:
         return nullcontext()
-    from castfem.fem.root import Together
+    from castfem.fem.rank_zero import Together
 
     return Together(comm)

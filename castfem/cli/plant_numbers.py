@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from castfem.base.tables import Table
-from castfem.model.build_machine import build_machine
-from castfem.model.check_cooling import law_groups
+from castfem.model.checks.cooling import law_groups
+from castfem.model.checks.shared_heat import EVEN_FLUX, fix, fixed_heat, is_even
 from castfem.model.cooling import Contact, Spray, Zone
 from castfem.model.heat_law import Extent, ScaledLaw, Surroundings
-from castfem.model.shared_heat import EVEN_FLUX, fix, fixed_heat, is_even
+from castfem.model.machine_from_case import build_machine
 from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
-from castfem.physics.thermal.sprays import WATER_DENSITY
+from castfem.physics.thermal.spray_correlations import WATER_DENSITY
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh

@@ -15,8 +15,7 @@ from castfem.base.table import Table, say
 from castfem.cli import parallel
 from castfem.cli.options import Request, chosen, read_from
 from castfem.model import Case, shipped_cases
-from castfem.model.shared_heat import fixed_while_varied
-from castfem.model.shown_units import units_of
+from castfem.model.checks.shared_heat import fixed_while_varied
 from castfem.runs.output.folder import RUN_NAME
 from castfem.runs.results.numbers import shown, unit_shown, with_error
 
@@ -56,7 +55,7 @@ def sensitivity_of_case(options: Options) -> None:
         log.close()
     if not root:
         return
-    with chosen(options.units), shown_in(units_of(case)):
+    with chosen(options.units), shown_in(case.shown_units):
         _tell(found, case, target, options)
 
 

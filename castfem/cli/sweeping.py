@@ -18,10 +18,10 @@ from castfem.base.table import say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import DEFAULT, Request, chosen
 from castfem.model import shipped_cases
-from castfem.model.shared_heat import shared_heat
+from castfem.model.checks.shared_heat import shared_heat
 from castfem.post.compare.study_tables import sweep_table
 from castfem.post.report.cautions import cautions_of_all
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.run_case import units_of_run
 from castfem.studies.sweep.plan import Variant, plan
 from castfem.studies.sweep.record import (

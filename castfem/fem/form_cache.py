@@ -31,7 +31,7 @@ from mpi4py import MPI
 
 from castfem.base.errors import RunFailure
 from castfem.base.log import logger
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 
 T = TypeVar("T")
 WAIT = 10  # s: how long FFCx waits for a form that another process compiles

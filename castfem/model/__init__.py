@@ -1,4 +1,7 @@
-"""Case files: TOML in, a validated `Case` in SI out. No DOLFINx, no gmsh, no MPI."""
+"""Case files: TOML in, a validated `Case` in SI out.
+
+No DOLFINx, no gmsh, no MPI, but for `castfem.model.build`, which makes of a case what computes it.
+"""
 
 from __future__ import annotations
 

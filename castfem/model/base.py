@@ -29,12 +29,29 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 
+PROPERTY_FILES: tuple[tuple[str, str], ...] = (
+    ("steel", "name"),
+    ("mechanics", "law"),
+    ("mechanics", "elasticity"),
+    ("tensile", "material"),
+    ("tensile", "elasticity"),
+)
+"""Tables and keys that name a property set, shipped or of a file."""
 LENIENT: dict[str, bool] = {"lenient": True}
 """Validation context in which a bad value becomes `UNREADABLE` instead of an error.
 
 This lets the checks across keys run on the sound part of a faulty case, so that all problems are
 reported at once.
 """
+
+
+Faults = Iterator[tuple[str, str]]
+"""Faults of a table: the key within it, and what is wrong with its value."""
+
+
+def is_path(name: str) -> bool:
+    """Return whether the name of a property set is a file, not a shipped set."""
+    return name.endswith(".toml") or "/" in name or name.startswith(".")
 
 
 class FaultyError(Exception):

@@ -10,11 +10,9 @@ from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Tabled
 from castfem.model.base import TableModel
-from castfem.model.checks import Faults, check
-from castfem.model.secondary import is_wide
 
 if TYPE_CHECKING:
-    from castfem.model.case import Case
+    pass
 
 Model = Literal["creep", "elastic", "thesis", "none"]
 MODELS: tuple[Model, ...] = get_args(Model)
@@ -53,41 +51,3 @@ class Bulging(TableModel):
     def bears(self) -> bool:
         """Whether rolls support the wide faces."""
         return self.model != "none"
-
-
-@check("mechanics.bulging")
-def _no_effect(case: Case, table: Bulging) -> Faults:
-    if table.model == "none":
-        # A case that was written out and is read again contains every default.
-        for name, field in Bulging.model_fields.items():
-            if name != "model" and getattr(table, name) != field.default:
-                yield name, 'has no effect with model = "none"; leave one of the two out'
-    if table.largest is not None and table.model not in ("thesis", "none"):
-        yield "largest", f'is for model = "thesis", not "{table.model}"'
-    if table.shear and table.model == "thesis":
-        yield "shear", 'is for a strip, not for model = "thesis"'
-
-
-@check("mechanics.bulging")
-def _needs(case: Case, table: Bulging) -> Faults:
-    mechanics = case.mechanics
-    if not table.bears or mechanics is None:
-        return
-    if case.machine is None:
-        yield "", "needs rolls, the table [machine]; add it, or leave bulging out"
-        return
-    if case.section.tag != "rectangle":
-        fix = 'give section.shape = "rectangle", or leave it out'
-        yield "", f"is for a section with wide faces; {fix}"
-    if mechanics.ferrostatic == "off":
-        fix = "leave one of the two out"
-        yield "", f'needs the pressure of the liquid, and ferrostatic is "off"; {fix}'
-    for index, held in enumerate(mechanics.held):
-        if held.component == "y" and any(map(is_wide, held.on)):
-            text = (
-                "moves the wide faces, which the rolls bear; leave one of the two out (held = [])"
-            )
-            yield f"/mechanics.held.{index}", text
-    pairs = case.machine.pairs()
-    if pairs is not None and len(pairs.pairs) < 2:
-        yield "", "needs two pairs of rolls at least"

@@ -5,17 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.tables import Table as TableOfValues
-from castfem.model.base import FaultyError, TableModel
+from castfem.model.base import PROPERTY_FILES, FaultyError, TableModel, is_path
 from castfem.model.caster import Caster
 from castfem.model.casting import (
     CONTACT_FIELDS,
@@ -28,7 +28,6 @@ from castfem.model.casting import (
     usual_interval,
 )
 from castfem.model.cooling import Contact, HeatLaw, Zone
-from castfem.model.document import PROPERTY_FILES, is_path
 from castfem.model.machine import Machine
 from castfem.model.mechanics import MOULD_EXIT, Coupling, Mechanics
 from castfem.model.mould import Mould
@@ -36,6 +35,7 @@ from castfem.model.optimise import Optimise
 from castfem.model.quality import Quality
 from castfem.model.secondary import Secondary
 from castfem.model.section import Mesh, Section
+from castfem.model.shown_units import ShownUnits
 from castfem.model.thermal import Thermal, Verification
 from castfem.model.water import Water
 from castfem.physics.mould.taper import segment_ends
@@ -171,6 +171,16 @@ class Case(TableModel):
         return rolls is not None and any(math.isfinite(pair.radius) for pair in rolls.pairs)
 
     @property
+    def brittle_band(self) -> tuple[float, float]:
+        """Temperatures between which the steel has little ductility, K."""
+        return (self.quality or Quality.model_validate({})).band
+
+    @property
+    def shown_units(self) -> ShownUnits:
+        """The units to show; those of the plant where the case chooses none."""
+        return self.output.units or ShownUnits()
+
+    @property
     def output_every(self) -> float:
         """Time between two outputs of the fields, s."""
         assert self.output.every is not None, "the case has been checked"
@@ -274,9 +284,9 @@ class Case(TableModel):
         import tomli_w
 
         from castfem.base.shown_units import shown_in
-        from castfem.model.shown_units import units_of, with_units
+        from castfem.model.shown_units import with_units
 
-        with shown_in(units_of(self)):
+        with shown_in(self.shown_units):
             text = tomli_w.dumps(with_units(self.document()))
         return f"<b>{escape(self.title)}</b><pre>{escape(text)}</pre>"
 
@@ -311,6 +321,9 @@ class Case(TableModel):
         tables = self.physics()
         return {"physics": _hash(tables), "case": json.dumps(tables)}
 
+    #: `castfem.model.load.changed`, which needs this class and therefore sets itself here
+    changed: ClassVar[Callable[[Case, Mapping[str, Any]], Case]]
+
     def with_(self, changes: Mapping[str, Any] | None = None, **dotted: Any) -> Case:
         """Return a changed case: `case.with_({"casting.speed": "3 m/min"})`.
 
@@ -324,14 +337,12 @@ class Case(TableModel):
         Raises:
             InputError: The changed case is not valid; all problems at once.
         """
-        from castfem.model.load import changed
-
         if changes is not None and not isinstance(changes, Mapping):
             raise InputError(
                 f'with_: keys and values are needed, such as {{"casting.speed": "3 m/min"}} or '
                 f'speed="3 m/min" (given: {changes!r})'
             )
-        return changed(self, {**(changes or {}), **dotted})
+        return Case.changed(self, {**(changes or {}), **dotted})
 
 
 def _hash(physics: Mapping[str, Any]) -> str:

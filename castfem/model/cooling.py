@@ -39,7 +39,7 @@ from castfem.model.heat_law import (
 from castfem.model.water import SpecificWater, WaterShare, ZoneFlow, largest, seen_by_slice
 from castfem.physics.thermal import flux_laws, mould_flux
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
-from castfem.physics.thermal.sprays import CORRELATIONS, WATER_DENSITY
+from castfem.physics.thermal.spray_correlations import CORRELATIONS, WATER_DENSITY
 
 __all__ = [
     "Contact",

@@ -14,18 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from castfem.base.quantities import Kind
-from castfem.model.base import Variants
-from castfem.model.checks import Faults, check
+from castfem.model.base import Faults, Variants
 from castfem.model.extraction import COUPLED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from castfem.base.types import Array
-    from castfem.model.case import Case
     from castfem.model.machine import Machine
+    from castfem.model.secondary import Circuit
     from castfem.physics.machine.rolls import Pair, Rolls
-    from castfem.physics.machine.sprays import Row
+    from castfem.physics.machine.spray_layout import Row
 
 Offset = Annotated[float, Kind("m", "mm", label="distance", sample="2 mm")]
 WaterShare = Annotated[  # no nozzle has ten times its water: 66 was meant as 66 percent
@@ -51,8 +50,14 @@ class Defect(Variants):
         """Return the rows of nozzles with the defect."""
         return rows
 
-    def problems(self, case: Case, pairs: int) -> Faults:
-        """Report key and fault of a defect that is impossible in a machine with these pairs."""
+    def problems(self, machine: Machine, circuits: Sequence[Circuit], pairs: int) -> Faults:
+        """Report key and fault of a defect that is impossible in a machine.
+
+        Args:
+            machine: The table [machine].
+            circuits: The circuits of [secondary].
+            pairs: Number of pairs of rolls.
+        """
         yield from ()
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
@@ -86,7 +91,7 @@ class RollDefect(Defect):
         if self.roll <= len(pairs):
             pairs[self.roll - 1] = self.changed(pairs[self.roll - 1])
 
-    def problems(self, case: Case, pairs: int) -> Faults:
+    def problems(self, machine: Machine, circuits: Sequence[Circuit], pairs: int) -> Faults:
         """See `Defect`."""
         if self.roll > pairs:
             yield "roll", f"({self.roll}): the machine has {pairs} pairs, numbered from 1"
@@ -101,10 +106,10 @@ class Locked(RollDefect):
         """See `RollDefect`."""
         return replace(pair, locked=True)
 
-    def problems(self, case: Case, pairs: int) -> Faults:
+    def problems(self, machine: Machine, circuits: Sequence[Circuit], pairs: int) -> Faults:
         """See `Defect`."""
-        yield from super().problems(case, pairs)
-        if case.machine is not None and case.machine.extraction is None:
+        yield from super().problems(machine, circuits, pairs)
+        if machine.extraction is None:
             fix = "add it, or leave the defect out"
             yield "kind", f'("locked") has no effect without [machine.extraction]; {fix}'
 
@@ -133,12 +138,9 @@ class Misaligned(RollDefect):
         """See `RollDefect`."""
         return replace(pair, offset=pair.offset + self.by)
 
-    def problems(self, case: Case, pairs: int) -> Faults:
+    def problems(self, machine: Machine, circuits: Sequence[Circuit], pairs: int) -> Faults:
         """See `Defect`."""
-        yield from super().problems(case, pairs)
-        machine = case.machine
-        if machine is None:
-            return
+        yield from super().problems(machine, circuits, pairs)
         normal = machine.normal()
         if normal is not None and self.roll <= pairs:
             yield from self._far_off(normal)
@@ -216,13 +218,12 @@ class Nozzles(Defect):
 
     def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
         """See `Defect`."""
-        from castfem.physics.machine.sprays import scale_water
+        from castfem.physics.machine.spray_layout import scale_water
 
         return scale_water(rows, self.circuit, *self.rolls, self.share)
 
-    def problems(self, case: Case, pairs: int) -> Faults:
+    def problems(self, machine: Machine, circuits: Sequence[Circuit], pairs: int) -> Faults:
         """See `Defect`."""
-        circuits = () if case.secondary is None else case.secondary.circuit
         found = [circuit for circuit in circuits if circuit.name == self.circuit]
         if not found:
             known = ", ".join(f'"{circuit.name}"' for circuit in circuits) or "no [secondary]"
@@ -243,43 +244,3 @@ def with_defects(rolls: Rolls, defects: Sequence[Defect]) -> Rolls:
     for defect in defects:
         defect.on(pairs)
     return with_radii(replace(rolls, pairs=tuple(pairs)))
-
-
-@check("machine.defect.*")
-def _of_machine(case: Case, defect: Defect) -> Faults:
-    normal = None if case.machine is None else case.machine.normal()
-    if normal is not None:
-        yield from defect.problems(case, len(normal.pairs))
-
-
-@check("machine")
-def _repeated(case: Case, table: Machine) -> Faults:
-    defects = table.defect or ()
-    lost = {one.roll for one in defects if isinstance(one, Lost)}
-    for i, defect in enumerate(defects):
-        if defect in defects[:i]:
-            yield f"defect.{i}", "appears twice; leave one of the two out"
-        if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
-            fix = "leave one of the two out"
-            yield f"defect.{i}.roll", f"({defect.roll}): this pair is also missing; {fix}"
-
-
-def at_an_end(case: Case, table: Machine, normal: Rolls) -> Faults:
-    """Report defects of the first and last pair that need another pair beyond them."""
-    defects = table.defect or ()
-    rolls = with_defects(normal, defects)
-    if len(rolls.there) < 2:
-        yield "defect", "leave fewer than two pairs that hold the strand"
-        return
-    bulging = None if case.mechanics is None else case.mechanics.bulging
-    ends = {rolls.there[0]: "above", rolls.there[-1]: "below"}
-    for i, defect in enumerate(defects):
-        if not isinstance(defect, RollDefect):
-            continue
-        index = defect.roll - 1
-        if isinstance(defect, Misaligned) and index in ends and defect.by:
-            text = f"({defect.roll}): no pair {ends[index]} it, and the strand is bent between"
-            yield f"defect.{i}.roll", f"{text} three (329); only one between others can be off"
-        elif isinstance(defect, Lost) and index < rolls.there[0] and bulging and bulging.bears:
-            text = f"({defect.roll}): above the first pair the mould holds the faces"
-            yield f"defect.{i}.roll", f"{text}; leave it in, or leave mechanics.bulging out"

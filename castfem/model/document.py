@@ -5,7 +5,7 @@ table in place of an inherited array changes single entries of it by name
 (`castfem.model.key_names`). Of two keys that exclude each other the later one wins: a file that
 sets `superheat` drops an inherited `temperature`. A table whose kind changes (`shape`) is replaced
 as a whole. Inherited keys of other tables that the new kind does not have, and the composition of
-another steel, are left out (`castfem.model.layers`).
+another steel, are left out (`castfem.model.inheritance`).
 """
 
 from __future__ import annotations
@@ -21,9 +21,13 @@ from typing import Any
 
 from castfem.base.errors import InputError, shown
 from castfem.base.units import nearest
-from castfem.model import key_names, layers
+from castfem.model import inheritance, key_names
+from castfem.model.base import PROPERTY_FILES, is_path
+from castfem.model.case import Case
 from castfem.model.key_names import no_entry, step_into
+from castfem.model.problems import tables
 from castfem.model.shipped_cases import find
+from castfem.model.tensile import TensileCase
 
 Keys = tuple[str | int, ...]
 
@@ -45,13 +49,6 @@ _ONE_WORD: dict[Keys, str] = {
     ("mould", "contact"): "method",
     ("mechanics", "bulging"): "model",
 }
-PROPERTY_FILES: tuple[tuple[str, str], ...] = (
-    ("steel", "name"),
-    ("mechanics", "law"),
-    ("mechanics", "elasticity"),
-    ("tensile", "material"),
-    ("tensile", "elasticity"),
-)
 SET = "--set"
 """Origin of a key that was changed on the command line."""
 
@@ -171,10 +168,6 @@ def _syntax(message: str, text: str) -> str:
 
 def _is_listed(table: str) -> bool:
     """Return whether a case may have several tables of this name, such as "cooling.surface"."""
-    from castfem.model.case import Case  # circular import
-    from castfem.model.problems import tables
-    from castfem.model.tensile import TensileCase
-
     headings = {one.heading for kind in (Case, TensileCase) for one in tables(kind)}
     return f"[[{table}]]" in headings
 
@@ -200,11 +193,6 @@ def _anchor(data: dict[str, Any], folder: Path) -> None:
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = os.path.abspath(folder / inner[key])
     _anchor_files(data, folder)
-
-
-def is_path(name: str) -> bool:
-    """Return whether the name of a property set is a file, not a shipped set."""
-    return name.endswith(".toml") or "/" in name or name.startswith(".")
 
 
 def anchored_set(name: str, folder: Path) -> str:
@@ -292,12 +280,12 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
     def inherited(path: Keys) -> bool:
         return document.origin(path) not in labels
 
-    settled = layers.settle(before, document.data, inherited)
+    settled = inheritance.settle(before, document.data, inherited)
     if settled:
         places = (("steel", "name"), ("steel", "composition"))
         where = next((document.origin(p) for p in places if not inherited(p)), document.label)
         document.left_out.append(f"{where}: steel.name: {settled}")
-    dropped = layers.leave_out(before, document.data, inherited)
+    dropped = inheritance.leave_out(before, document.data, inherited)
     if dropped:
         where = document.origin(("section", "shape"))
         listed = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
@@ -306,7 +294,7 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
             f'{where}: section.shape: "{shape}" does not have these inherited keys, which '
             f"are left out: {', '.join(listed)}"
         )
-    layers.mark(before, document.data)
+    inheritance.mark(before, document.data)
 
 
 def override(

@@ -13,25 +13,33 @@ from pydantic import ValidationError
 
 from castfem.base import units
 from castfem.base.errors import InputError
-from castfem.model import (  # noqa: F401 - each enters its checks here
-    bending,
-    bounds,
-    build_mould,
-    check_cooling,
-    check_secondary,
-    document,
-    key_names,
-    plausibility,
-    problems,
-    shared_heat,
-    shown_units,
-    tensile,
-)
-from castfem.model.base import LENIENT
+from castfem.model import document, key_names, problems, tensile
+from castfem.model.base import LENIENT, PROPERTY_FILES, is_path
 from castfem.model.case import Case
-from castfem.model.checks import check, check_test
-from castfem.model.document import PROPERTY_FILES, is_path
+from castfem.model.checks import (  # noqa: F401 - each enters its checks here
+    caster,
+    casting,
+    cooling,
+    extraction,
+    machine,
+    mechanics,
+    mould,
+    mould_fit,
+    optimise,
+    planes,
+    probe,
+    quality,
+    ranges,
+    secondary,
+    section,
+    shared_heat,
+    thermal,
+    unusual,
+    water,
+)
+from castfem.model.checks.registry import check, check_test
 from castfem.model.problems import Problem
+from castfem.model.shipped_cases import find
 from castfem.model.tensile import TensileCase
 from castfem.physics.materials.phase_table import PhaseTable
 
@@ -174,7 +182,7 @@ def _validate(written: document.Document) -> Reading:
     law, elasticity = (
         f"{written.origin(('mechanics', key))}: mechanics.{key}" for key in ("law", "elasticity")
     )
-    odd = plausibility.warnings(case) if isinstance(case, Case) and not lines else ()
+    odd = unusual.warnings(case) if isinstance(case, Case) and not lines else ()
     left_out = () if lines else tuple(written.left_out)
     own = written.label, document.SET
     told = (p for p in odd if p.inherited or written.origin(p.path) in own)
@@ -323,3 +331,33 @@ def _has_value(case: Case, key: str) -> bool:
         return value_of(case, key) is not None
     except ValueError:
         return True
+
+
+def load(name: str | Path) -> Case:
+    """Return a checked case from a file, or one shipped with castfem.
+
+    Args:
+        name: Path of a case file, with or without .toml, or the name of a shipped case
+            ("billet125/thermal").
+
+    Raises:
+        InputError: There is no such case, or it is faulty; all faults, one line each.
+    """
+    return load_case(find(str(name)))
+
+
+def as_case(given: Case | str | Path, caller: str) -> Case:
+    """Return a case unchanged, or load the one that is named.
+
+    Raises:
+        InputError: It is neither, there is no such case, or the case is faulty.
+    """
+    found = load(given) if isinstance(given, str | Path) else given
+    if not isinstance(found, Case):
+        raise InputError(
+            f"{caller}: a case is needed, its path or the name of a shipped one, not {found!r}"
+        )
+    return found
+
+
+Case.changed = staticmethod(changed)

@@ -5,26 +5,25 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from castfem.base.constants import ROUNDING, ZERO_STRENGTH
+from castfem.base.constants import ZERO_STRENGTH
 from castfem.base.errors import choices
 from castfem.base.quantities import Kind, Notation, OrWord, PositiveDifference, Time
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Tabled
 from castfem.base.types import MushyZone
-from castfem.base.units import in_mm, parse_any
+from castfem.base.units import parse_any
 from castfem.model.base import OneWord, TableModel, written
 from castfem.model.bulging import MODELS, Bulging
-from castfem.model.checks import Faults, check
-from castfem.model.thermal import PetscOption, negative_options
+from castfem.model.thermal import PetscOption
 
 if TYPE_CHECKING:
-    from castfem.model.case import Case
+    pass
 
 FREE = "free"
 _TIME, _LENGTH = Kind("s", "s", above=0.0), Kind("m", "mm", above=0.0)
@@ -305,57 +304,13 @@ def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tu
     )
 
 
-@check("mechanics")
-def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
-    if case.mould is None:
-        return
-    if table.liquid == "fed" and table.ferrostatic in ("off", "none"):
-        text = f'("{table.ferrostatic}"): nothing holds liquid that is fed at the wall of a mould'
-        yield "ferrostatic", f'{text}; give ferrostatic = "full", or liquid = "elastic"'
-    least = 1e-6  # relative to the solid: the liquid keeps its shape at large strain
-    soft = table.liquid_has_modulus and table.liquid_stiffness < least
-    if soft and table.strain == "large":
-        text = f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain"
-        yield "liquid_stiffness", f'{text}; at least {least:g}, or strain = "small"'
+def axis_position(given: Any, thickness: float) -> float | None:
+    """Return the position of a neutral axis, m from the middle inwards; None if it is free."""
+    if given is None or given == FREE:
+        return None
+    return AXES[given] * thickness if isinstance(given, str) else float(given)
 
 
-@check("mechanics")
-def _solver(case: Case, table: Mechanics) -> Faults:
-    yield from negative_options(table.solver)
-
-
-@check("mechanics")
-def _until(case: Case, table: Mechanics) -> Faults:
-    """Report what cannot be combined with mechanics that end before the run does."""
-    if table.until is None:
-        return
-    for what, there in _below(case, table):
-        if there:
-            yield "until", f"and {what} exclude each other; leave one of the two out"
-    exit_ = case.mould_exit()
-    if table.until == MOULD_EXIT and exit_ is None:
-        yield "until", f'("{MOULD_EXIT}"): there is no mould; give a length, such as "1 m"'
-    end = exit_ if table.until == MOULD_EXIT else table.until
-    if not isinstance(end, float) or exit_ is None:
-        return
-    if case.mould is not None and end < exit_ * (1.0 - ROUNDING):
-        yield (
-            "until",
-            f"({in_mm(end)}) lies in the mould, which ends at {in_mm(exit_)}: its gap, which "
-            f'decides the heat, comes from the mechanics; give "{MOULD_EXIT}", or more',
-        )
-    start = case.casting.start
-    if start is not None and start.at == MOULD_EXIT and end <= exit_ * (1.0 + ROUNDING):
-        yield (
-            "until",
-            f"({in_mm(end)}) does not lie below casting.start.at, {in_mm(exit_)}, where the "
-            "mechanics begin; leave it out, or give a larger length",
-        )
-
-
-def _below(case: Case, mechanics: Mechanics) -> Iterator[tuple[str, bool]]:
-    """Yield what needs mechanics to the end of the strand, and whether the case has it."""
-    bulging, machine = mechanics.bulging, case.machine
-    yield "mechanics.bulging", bulging is not None and bulging.model not in (None, "none")
-    yield "[machine.extraction]", machine is not None and machine.extraction is not None
-    yield "[verification]", case.verification is not None
+def places_of(given: Any) -> tuple[Any, ...]:
+    """Return the positions of the neutral axis in a case: one, or both of a table."""
+    return tuple(given.values()) if isinstance(given, Mapping) else (given,)

@@ -10,17 +10,13 @@ from pydantic import Field
 from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Tabled
-from castfem.base.units import in_mm
-from castfem.model.base import OneWord, TableModel, Variants, written
-from castfem.model.checks import Faults, check, twice
+from castfem.model.base import Faults, OneWord, TableModel, Variants, written
 from castfem.model.mechanics import Share
-from castfem.model.section import BeamBlank, Rectangle
 from castfem.model.taper import Perimeter, TaperMark
 from castfem.model.wall_shape import WallShape
 from castfem.physics.mould.displaced import WallDisplacement
 
 if TYPE_CHECKING:
-    from castfem.model.case import Case
     from castfem.physics.contact.friction import Friction as FrictionLaw
 
 
@@ -82,49 +78,6 @@ class MouldTube(TableModel):
     def heated_by_strand(self) -> bool:
         """Whether the tube is heated by the strand, not by given values."""
         return self.flux is None and self.hot_face is None
-
-
-@check("mould.tube")
-def _names(case: Case, table: MouldTube) -> Faults:
-    for key, text in twice([one.name for one in table.thermocouple], "name", str.lower):
-        yield f"thermocouple.{key}", text
-
-
-@check("mould.tube.thermocouple.*")
-def _within_the_wall(case: Case, one: CopperThermocouples) -> Faults:
-    if any(probe.name.lower() == one.name.lower() for probe in case.output.probe):
-        yield "name", f'("{one.name}") is the name of a probe, too; choose another'
-    if case.mould is None or case.mould.tube is None:
-        return
-    thickness = case.mould.tube.thickness
-    if one.depth > thickness:
-        yield "depth", f"({in_mm(one.depth)}) is deeper than the wall, {in_mm(thickness)}"
-
-
-@check("mould.tube")
-def _bricks(case: Case, table: MouldTube) -> Faults:
-    """Report cells so small that the tube cannot be computed."""
-    size, length = table.cell_size, case.mould.length if case.mould is not None else 0.0
-    width, height = case.section.outline()
-    if table.cells_across % 1.0:
-        yield "cells_across", "must be a whole number"
-    if width is None or height is None:
-        return
-    count = table.cells_across * 0.5 * (width + height) / size * (length + table.above) / size
-    if count > 300_000:  # each has 27 nodes
-        most = "at most 300000; give a larger one"
-        yield "cell_size", f"({in_mm(size)}) makes about {count:.2g} cells of the tube, {most}"
-
-
-@check("mould.tube")
-def _surrounds(case: Case, table: MouldTube) -> Faults:
-    if isinstance(case.section, BeamBlank):
-        yield "", "only a rectangle or a round has a tube; leave the table out"
-    if isinstance(case.section, Rectangle) and case.section.corner_radius == 0.0:
-        fix = 'give [section] some: corner_radius = "5 mm"'
-        yield "", f"a tube has rounded corners; {fix}"
-    if table.flux is not None and table.hot_face is not None:
-        yield "hot_face", "the flux is given, too: one of the two, leave the other out"
 
 
 ConductivityOfTemperature = Annotated[
@@ -350,20 +303,3 @@ class Mould(TableModel):
         default_factory=lambda: NoFriction(law="none")
     )
     """friction law"""
-
-
-@check("mould.friction")
-def _friction(case: Any, friction: Friction) -> Faults:
-    yield from friction.problems()
-
-
-@check("mould.contact")
-def _stable(case: Any, contact: ContactSettings) -> Faults:
-    """Report a factor with which Nitsche's method cannot solve a strand (docs/contact.md)."""
-    if contact.factor is None or contact.method != "nitsche":
-        return
-    from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
-
-    if contact.factor < LEAST_NITSCHE:
-        text = f"({contact.factor:g}) is too small for Nitsche's method; allowed: at least"
-        yield "factor", f"{text} {LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"

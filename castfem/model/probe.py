@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError, choices
 from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.types import Array
-from castfem.base.units import in_mm, nearest
+from castfem.base.units import nearest
 from castfem.model.base import TableModel
-from castfem.model.checks import Faults, check, given, twice
 
 if TYPE_CHECKING:
-    from castfem.model.case import Case
+    from castfem.model.section import Section
 
-_ONE_SIDED = {"quarter": "xy", "half": "x"}  # parts of the section without negative coordinates
 Coordinate = Annotated[float, Kind("m", "mm")]
 
 
@@ -64,51 +61,17 @@ class Probe(TableModel):
         return np.asarray(start + depth / length * (end - start))
 
 
-def outside(case: Case, name: str, place: Array) -> InputError:
+def outside(section: Section, name: str, place: Array) -> InputError:
     """Return the error for a probe outside the section."""
     x, y = 1e3 * place
-    part = getattr(case.section, "symmetry", "whole")
+    part = getattr(section, "symmetry", "whole")
     mirrored = part != "whole" and min(x, y) < 0.0
     fix = f"; the modelled part is a {part}: give its mirror image" if mirrored else ""
-    round_ = ", whose corners are round" if getattr(case.section, "corner_radius", None) else ""
+    round_ = ", whose corners are round" if getattr(section, "corner_radius", None) else ""
     return InputError(
         f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{fix}; '
         "under and depth, instead of x and y, place it below the surface"
     )
-
-
-@check("output")
-def _names(case: Case, output: Any) -> Faults:
-    for key, text in twice([probe.name for probe in output.probe], "name", str.lower):
-        yield f"probe.{key}", text
-
-
-@check("output.probe.*")
-def _says_where(case: Case, probe: Probe) -> Faults:
-    found = [given(probe, *way) for way in (("x", "y"), ("under", "depth"))]
-    if all(found) or not any(found):
-        yield "", "one of x with y, or under with depth, is needed to give its position"
-    for one, other in (("x", "y"), ("y", "x"), ("under", "depth"), ("depth", "under")):
-        if given(probe, one) and not given(probe, other):
-            yield "", f"{other} is missing; {one} and {other} go together"
-
-
-@check("output.probe.*")
-def _is_within(case: Case, probe: Probe) -> Faults:
-    """Report a probe beyond the rectangle around the section; the run checks more closely."""
-    section = case.section
-    width, height = section.outline()
-    if width is None or height is None or getattr(section, "bulge", None) is not None:
-        return
-    part = getattr(section, "symmetry", "")
-    for key, size in (("x", width), ("y", height)):
-        at = getattr(probe, key)
-        if at is not None and abs(at) > 0.5 * size * (1.0 + ROUNDING):
-            most = f"which reaches to {in_mm(0.5 * size)} from its middle"
-            yield key, f"({in_mm(at)}) lies outside of the section, {most}"
-        elif at is not None and at < -ROUNDING * size and key in _ONE_SIDED.get(part, ""):
-            fix = f"the modelled part is a {part}; give its mirror image, {in_mm(-at)}"
-            yield key, f"({in_mm(at)}) lies beyond the line of symmetry: {fix}"
 
 
 class Pyrometer(TableModel):

@@ -12,10 +12,8 @@ from castfem.base.named_columns import Columns, grid_of, rows_of
 from castfem.base.quantities import Kind, Length, Notation
 from castfem.base.table_notation import schema_of_columns
 from castfem.model.base import TableModel, written
-from castfem.model.checks import Faults, check
 
 if TYPE_CHECKING:
-    from castfem.model.case import Case
     from castfem.physics.materials.ductility import Ductility
 
 
@@ -181,27 +179,3 @@ class Quality(TableModel):
     ductility: Annotated[Any, DuctilityTable()] = Field(None, examples=[{"file": "ductility.csv"}])
     """critical strain of the grade over temperature and strain rate, with which the strain of the
     surface is compared; left out: `band` alone tells where the steel is brittle"""
-
-
-@check("quality")
-def _followed(case: Case, quality: Quality) -> Faults:
-    """Report missing data of the criteria."""
-    criteria = quality.hot_tearing or ()
-    strained = [name for name in criteria if name != "clyne_davies"]
-    if strained and (case.mechanics is None or case.mechanics_end() is not None):
-        which = "is missing" if case.mechanics is None else "ends above (mechanics.until)"
-        text = 'a run of the temperature alone can have "clyne_davies"'
-        yield "hot_tearing", f'("{strained[0]}") needs strain, and [mechanics] {which}; {text}'
-    if criteria and not (quality.brittle[0] > FEEDING and quality.brittle[1] < 1.0):
-        text = f"hot_tearing needs a range between {FEEDING:g} and 1, such as [0.9, 0.99]"
-        yield "brittle", text
-    for name, table in (("won", quality.won), ("rdg", quality.rdg)):
-        if table is not None and name not in criteria:
-            yield name, f'belongs to the criterion "{name}"; name it, hot_tearing = ["{name}"]'
-    if quality.ductility is not None and case.mechanics is None:
-        yield "ductility", "is compared with strain; add [mechanics], or leave it out"
-
-
-def band_of(case: Case) -> tuple[float, float]:
-    """Temperature range of low ductility of the steel of a case, K."""
-    return (case.quality or Quality.model_validate({})).band

@@ -1,7 +1,7 @@
 """The table [secondary]: cooling below the mould, from roll to roll.
 
-The modules that build its geometry and laws (`castfem.physics.machine.sprays`,
-`castfem.physics.thermal.spray_water`) are only imported by cases that have the table.
+The modules that build its geometry and laws (`castfem.physics.machine.spray_layout`,
+`castfem.physics.thermal.spray_flux`) are only imported by cases that have the table.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from castfem.base.types import Array
 from castfem.model.base import TableModel, written
 from castfem.model.cooling import CoefficientOfTemperature, EmissivityOfTemperature
 from castfem.model.water import SpecificWater, WaterShare, ZoneFlow
-from castfem.physics.thermal.sprays import CORRELATIONS
+from castfem.physics.thermal.spray_correlations import CORRELATIONS
 
 if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Rolls
-    from castfem.physics.machine.sprays import Row, Stretch
-    from castfem.physics.thermal.spray_water import Coefficient, CoefficientTable
+    from castfem.physics.machine.spray_layout import Row, Stretch
+    from castfem.physics.thermal.spray_flux import Coefficient, CoefficientTable
 
 
 _COLUMNS = Columns(
@@ -57,7 +57,7 @@ class NozzleTable(Notation):
 
     def read(self, given: object) -> CoefficientTable | None:
         """Return the table, or raise ValueError."""
-        from castfem.physics.thermal.spray_water import CoefficientTable
+        from castfem.physics.thermal.spray_flux import CoefficientTable
 
         if given is None or isinstance(given, CoefficientTable):
             return given
@@ -84,7 +84,7 @@ class NozzleTable(Notation):
 
 def _coefficients(rows: Array, places: Sequence[str]) -> CoefficientTable:
     """Return the table from rows of temperature and flow in any order."""
-    from castfem.physics.thermal.spray_water import CoefficientTable
+    from castfem.physics.thermal.spray_flux import CoefficientTable
 
     kinds = tuple(_COLUMNS.kinds.values())
     temperatures, water, values = grid_of(rows, places, kinds, "temperature and flow")
@@ -144,7 +144,7 @@ class NozzleModel(TableModel):
 
     def coefficient(self, water_temperature: float) -> Coefficient:
         """Return the coefficient h(water, surface temperature)."""
-        from castfem.physics.thermal.spray_water import OfCorrelation
+        from castfem.physics.thermal.spray_flux import OfCorrelation
 
         if self.correlation is None:
             found: Coefficient = self.table
@@ -223,7 +223,7 @@ class Secondary(TableModel):
 
     def rows(self, rolls: Rolls, thickness: float) -> tuple[Row, ...]:
         """Return the rows of nozzles of a sound case, circuit by circuit."""
-        from castfem.physics.machine.sprays import Row, footprint, gap_below
+        from castfem.physics.machine.spray_layout import Row, footprint, gap_below
 
         found = []
         for circuit in self.circuit:
@@ -242,7 +242,7 @@ class Secondary(TableModel):
         end: float,
     ) -> tuple[tuple[Row, ...], tuple[Stretch, ...]]:
         """Return the rows that spray a face, and its stretches from the meniscus on."""
-        from castfem.physics.machine.sprays import stretches
+        from castfem.physics.machine.spray_layout import stretches
 
         names = {circuit.name: circuit.on for circuit in self.circuit}
         mine = tuple(r for r in rows if any(face.startswith(n) for n in names[r.circuit]))

@@ -11,7 +11,7 @@ from castfem.base.errors import InputError
 from castfem.base.units import nearest
 
 if TYPE_CHECKING:
-    from castfem.model.case import Case
+    pass
 
 CASE_NAME = "case.toml"
 """The resolved case in the folder of a run."""
@@ -58,37 +58,6 @@ def find(name: str, beside: Path | None = None) -> Path:
         f"{name}: no such case file, and no shipped case of that name (castfem cases lists them)"
         f"{near}"
     )
-
-
-def load(name: str | Path) -> Case:
-    """Return a checked case from a file, or one shipped with castfem.
-
-    Args:
-        name: Path of a case file, with or without .toml, or the name of a shipped case
-            ("billet125/thermal").
-
-    Raises:
-        InputError: There is no such case, or it is faulty; all faults, one line each.
-    """
-    from castfem.model.load import load_case
-
-    return load_case(find(str(name)))
-
-
-def as_case(given: Case | str | Path, caller: str) -> Case:
-    """Return a case unchanged, or load the one that is named.
-
-    Raises:
-        InputError: It is neither, there is no such case, or the case is faulty.
-    """
-    from castfem.model.case import Case
-
-    found = load(given) if isinstance(given, str | Path) else given
-    if not isinstance(found, Case):
-        raise InputError(
-            f"{caller}: a case is needed, its path or the name of a shipped one, not {found!r}"
-        )
-    return found
 
 
 def title_of(path: Path) -> str:

@@ -17,11 +17,9 @@ from castfem.base.shown_units import (
     is_chosen,
     scale_of,
 )
-from castfem.model.checks import Faults
-from castfem.model.checks import check as check_of_case
 
 if TYPE_CHECKING:
-    from castfem.model.case import Case
+    pass
 
 
 def faults(choice: ShownUnits) -> Iterator[tuple[str, str]]:
@@ -64,11 +62,6 @@ def read_choice(given: Sequence[str]) -> ShownUnits:
     return choice
 
 
-def units_of(case: Case) -> ShownUnits:
-    """The units of a case; those of the plant if it chooses none."""
-    return case.output.units or ShownUnits()
-
-
 def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
     """The tables of a case with their quantities in the chosen units."""
     if not is_chosen():
@@ -106,8 +99,3 @@ def _column(values: Sequence[Any], unit: str) -> tuple[list[Any], str]:
         return list(values), unit
     turned = [scale(one) if isinstance(one, int | float) else one for one in values]
     return [float(f"{v:.9g}") if isinstance(v, float) else v for v in turned], scale.unit
-
-
-@check_of_case("output.units")
-def _measures(case: Case, choice: ShownUnits) -> Faults:
-    yield from faults(choice)

@@ -13,10 +13,9 @@ from castfem.base.errors import grouped
 from castfem.base.quantities import Kind, Percent, Time
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table, Tabled
-from castfem.model.base import TableModel, written
+from castfem.model.base import Faults, TableModel, is_path, written
 from castfem.model.casting import Reference
-from castfem.model.checks import Faults, check_test
-from castfem.model.document import is_path
+from castfem.model.checks.registry import check_test
 
 TABLE = "tensile"
 SAME = 1e-6  # K

@@ -6,10 +6,8 @@ forms with this density, and the strand keeps its mass while it shrinks.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 from pydantic import Field
 
@@ -17,11 +15,9 @@ from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel
-from castfem.model.checks import Faults, check, given, one_of
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
-    from castfem.model.case import Case
     from castfem.physics.machine.travel import Travel
     from castfem.physics.materials import Steel
 
@@ -38,9 +34,6 @@ SpecificWater = Annotated[
     float, Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg")
 ]
 WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.3")]
-_SAMPLES = {
-    "water": '"5 L/(m^2 s)"', "flow": '"240 L/min"', "specific": '"0.3 L/kg"', "share": "0.3",
-}  # fmt: skip
 PER_LITRE_AND_KG = 1e3  # converts L/kg to m3/kg
 
 
@@ -126,43 +119,3 @@ def _times(share: float, flow: Flow) -> Flow:
     if isinstance(flow, Table):
         return Table(flow.over, flow.arguments, tuple(share * value for value in flow.values))
     return share * flow
-
-
-@check("water")
-def _total(case: Case, water: Water) -> Faults:
-    yield from one_of(water, {"specific": '"0.8 L/kg"', "flow": '"1200 L/min"'})
-
-
-@check()
-def _told(case: Case, _: object) -> Faults:
-    """Report water that is given twice or not at all."""
-    for key, place in _places(case):
-        ways = {way: text for way, text in _SAMPLES.items() if way in type(place).model_fields}
-        for below, text in one_of(place, ways):
-            yield key + below, text
-        if getattr(place, "area", None) is not None and given(place, "water"):
-            yield f"{key}.area", "is the sprayed area of the water of a zone; water is per area"
-
-
-@check()
-def _shares(case: Case, _: object) -> Faults:
-    shares = [(key, place.share) for key, place in _places(case) if place.share is not None]
-    whole = sum(share for _, share in shares)
-    if case.water is None:
-        for key, _ in shares:
-            fix = 'add [water] with specific = "0.8 L/kg" or flow = "1200 L/min"'
-            yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
-    elif not shares:
-        yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
-    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares have three digits
-        yield "water", f"the shares of its zones and circuits make {whole:.6g}, not 1"
-
-
-def _places(case: Case) -> Iterator[tuple[str, Any]]:
-    """Sprays of zones, and circuits."""
-    for i, zone in enumerate(case.cooling):
-        for j, law in enumerate(zone.surface):
-            if law.tag == "spray":
-                yield f"cooling.{i}.surface.{j}", law
-    for i, circuit in enumerate(case.secondary.circuit if case.secondary is not None else ()):
-        yield f"secondary.circuit.{i}", circuit

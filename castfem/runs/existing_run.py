@@ -13,7 +13,7 @@ from castfem.base import log
 from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError, differences
 from castfem.model import AnyCase, Case, read_case
-from castfem.model.document import PROPERTY_FILES
+from castfem.model.base import PROPERTY_FILES
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
 

@@ -19,9 +19,9 @@ from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import below_meniscus
 from castfem.base.stopwatch import peak_memory, profile_table
 from castfem.fem import reductions
-from castfem.fem.root import Together, on_root
+from castfem.fem.rank_zero import Together, on_root
 from castfem.model.build.simulation import Simulation, build
-from castfem.model.build_mould import wider
+from castfem.model.checks.mould_fit import wider
 from castfem.model.load import portable
 from castfem.physics.coupling.staggered import CouplingWindow
 from castfem.physics.coupling.subcycling import SubSteps
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from castfem.base.progress import Progress
     from castfem.model import Case
     from castfem.physics.mechanics.state import MechanicalResult
-    from castfem.runs.output.summary import Summary
+    from castfem.runs.output.summary_file import Summary
 
 Named = dict[str, Quantity]
 

@@ -14,7 +14,8 @@ from castfem.base.atomic_files import saving
 from castfem.base.constants import same_instant, same_or_before
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
+from castfem.model.build.start import starting_time
 from castfem.runs import restart
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.runs.output.folder import WALL_FLUX_NAME, OutputFolder
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from castfem.runs.output.surface_maps import MapWriter
     from castfem.runs.results.probes import ProbeSampler
     from castfem.runs.results.wall_flux import WallFlux
-from castfem.model.build.start import starting_time
 
 PAUSE = 1.0
 """Default for the shortest wall-clock time between two checkpoints, s."""

@@ -11,7 +11,7 @@ from small_case import small
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.estimate import RULES, Estimate, convergence_index, estimate
 from castfem.studies.accuracy.ladder import Level, levels, propose, read_share

@@ -14,7 +14,7 @@ import castfem
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.model import Case
-from castfem.model.caster import followed, slice_of, starts_of
+from castfem.model.caster_slices import followed, slice_of, starts_of
 from castfem.post.plots.caster_figures import strand_figure
 from castfem.post.report.caster import answers
 from castfem.runs.caster.files import read_table

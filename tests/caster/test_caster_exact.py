@@ -18,7 +18,7 @@ from small_caster import STOP, STRAINED, caster
 
 import castfem
 from castfem.model import Case
-from castfem.model.caster import by_plant, slice_of
+from castfem.model.caster_slices import by_plant, slice_of
 from castfem.runs import restart
 from castfem.runs.caster import alike
 from castfem.runs.caster.alike import Alike

@@ -20,7 +20,7 @@ from test_caster_exact import ZONES
 
 from castfem.base.errors import InputError
 from castfem.model import load_case
-from castfem.model.caster import by_plant, slice_of
+from castfem.model.caster_slices import by_plant, slice_of
 from castfem.model.shipped_cases import find
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.plant_file import PlantFile, recent

@@ -20,7 +20,7 @@ from castfem.base.errors import CannotWrite, CaseError, InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
 from castfem.model.build.simulation import build_mesh
-from castfem.model.caster import by_plant, cast_of
+from castfem.model.caster_slices import by_plant, cast_of
 from castfem.model.load import read_case
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import GrowingTable, read_table

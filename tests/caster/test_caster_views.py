@@ -21,7 +21,7 @@ from castfem.base.errors import InputError
 from castfem.cli import execute
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.build.simulation import case_steel
-from castfem.model.caster import by_plant, slice_of, starts_of
+from castfem.model.caster_slices import by_plant, slice_of, starts_of
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
 from castfem.post.plots.caster_figures import _look_of as look_of

@@ -20,7 +20,7 @@ from castfem.post.compare.figures import figures, parts
 from castfem.post.compare.runs import Run
 from castfem.post.compare.table import SHARE, csv_table, lines, remarks, table_of
 from castfem.runs.output.history import History, read_history
-from castfem.runs.output.summary import Comparison, Reference, Summary, Zone
+from castfem.runs.output.summary_file import Comparison, Reference, Summary, Zone
 
 
 @pytest.fixture(scope="module")

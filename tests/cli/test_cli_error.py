@@ -13,7 +13,7 @@ from ranks import python_on
 from small_case import SMALL, write_small
 
 from castfem.model import load_case
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.studies.accuracy.sizes import described, factors_between
 from castfem.studies.accuracy.table import ErrorTable
 

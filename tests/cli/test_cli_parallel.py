@@ -18,7 +18,7 @@ pytestmark = needs_mpirun
 
 ENGINE = """
 import sys, types
-import castfem.fem.root as together
+import castfem.fem.rank_zero as together
 from castfem.base.errors import InputError, RunFailure
 def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):
     {body}

@@ -20,7 +20,7 @@ from castfem.base.errors import InputError
 from castfem.model import Case, load_case, read_case
 from castfem.physics.closed_forms import NAMES as FORMS
 from castfem.runs import loop
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from castfem.base.shown_quantity import Quantity
 from castfem.post.compare.runs import Run, read_runs
 from castfem.post.compare.sections import draw_sections
 from castfem.post.compare.table import _way
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 
 @pytest.mark.parametrize("names", [("thermal", "strained"), ("strained", "thermal")])

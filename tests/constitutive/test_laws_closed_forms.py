@@ -21,7 +21,7 @@ from castfem.physics.constitutive import (
     UnifiedSteel,
     load_law,
 )
-from castfem.physics.constitutive.curves import (
+from castfem.physics.constitutive.flow_curves import (
     Austenite,
     DeltaFerrite,
     modified_norton_hoff,

@@ -25,7 +25,7 @@ from castfem.physics.constitutive import (
     equivalent_stress,
     load_law,
 )
-from castfem.physics.constitutive.curves import Austenite
+from castfem.physics.constitutive.flow_curves import Austenite
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.constitutive.hardening_laws import TENSOR
 from castfem.physics.constitutive.uniaxial import AXIAL, pull

@@ -12,7 +12,7 @@ import pytest
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.physics.constitutive import NortonHoff, load_elasticity, load_law
-from castfem.physics.constitutive.curves import Austenite, modified_norton_hoff
+from castfem.physics.constitutive.flow_curves import Austenite, modified_norton_hoff
 from castfem.studies.identification.fit import IdentifyOptions, identify
 from castfem.studies.identification.measured import TensileData, read_tensile
 from castfem.studies.identification.result import IdentifiedLaw

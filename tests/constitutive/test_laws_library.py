@@ -22,7 +22,7 @@ from castfem.physics.constitutive import (
     load_law,
 )
 from castfem.physics.constitutive.base import Law
-from castfem.physics.constitutive.curves import Austenite, modified_norton_hoff
+from castfem.physics.constitutive.flow_curves import Austenite, modified_norton_hoff
 from castfem.physics.constitutive.parameters import FOLDER, delta_share_of
 from castfem.physics.constitutive.uniaxial import pull
 

@@ -32,7 +32,7 @@ from castfem.physics.constitutive import (
     load_law,
 )
 from castfem.physics.constitutive.base import equivalent_strain, equivalent_stress
-from castfem.physics.constitutive.curves import modified_norton_hoff, yield_limit
+from castfem.physics.constitutive.flow_curves import modified_norton_hoff, yield_limit
 from castfem.physics.constitutive.uniaxial import axial_stress, pull
 
 BY_FIGURE = {test.figure: test for test in TESTS}

@@ -11,7 +11,7 @@ from mechanics import setups
 from castfem.base.types import Array
 from castfem.meshes import SectionMesh
 from castfem.physics.contact.settings import Contact
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
 from castfem.physics.mould.wall import GapFunction
 

@@ -15,7 +15,7 @@ from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import ContactCheckpoint
 from castfem.physics.contact.summary import summary
 from castfem.physics.machine import Machine, Steady
-from castfem.physics.mechanics.definition import Ferrostatic
+from castfem.physics.mechanics.slice_definition import Ferrostatic
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 

@@ -15,7 +15,7 @@ from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import SLIP, STICK
 from castfem.physics.contact.summary import summary
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from contact.setups import FOOT, dragged_block
 

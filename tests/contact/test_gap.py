@@ -18,7 +18,7 @@ from castfem.physics.constitutive.flow_laws import ThermoElastic
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import OPEN
 from castfem.physics.contact.summary import summary
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import SurfacePressure
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.physics.mould import Mould, RectangleCavity, Taper, same

@@ -14,7 +14,7 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import MaterialStep
 from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE, Contact
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from contact.setups import LineWall
 
 SHAPES: dict[str, Map] = {

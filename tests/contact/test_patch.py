@@ -19,7 +19,7 @@ from castfem.physics.contact.facets import LENGTH, Facets, SurfaceMean
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import OPEN
 from castfem.physics.contact.summary import summary
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.physics.mould import Contour, GapFunction, Straight
 from contact.setups import LineWall, tapered_block

@@ -19,7 +19,7 @@ from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep
 from castfem.physics.contact.roll_support import Bed, GivenFoundation, RollSupport
 from castfem.physics.mechanics.checkpoint import MechanicalCheckpoint
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 

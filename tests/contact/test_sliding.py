@@ -17,8 +17,8 @@ from castfem.physics.contact.friction import Coulomb, Friction, Lubricant, Tresc
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import SLIP, STICK
 from castfem.physics.contact.summary import summary
-from castfem.physics.mechanics.definition import Ferrostatic
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
+from castfem.physics.mechanics.slice_definition import Ferrostatic
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.physics.mould.wall import GapFunction
 from contact.setups import FOOT, PLANE_STRAIN, LineWall, dragged_block

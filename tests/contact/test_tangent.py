@@ -15,8 +15,8 @@ from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
 from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import OPEN, SLIP, STICK
-from castfem.physics.mechanics.definition import Ferrostatic
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
+from castfem.physics.mechanics.slice_definition import Ferrostatic
 from castfem.physics.mould import Circular, Contour, GapFunction
 from contact.setups import TwoWalls
 

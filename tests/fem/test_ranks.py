@@ -14,7 +14,7 @@ from dolfinx import fem
 from castfem.base.errors import RunFailure
 from castfem.fem import compat, reductions
 from castfem.fem.factorisation import MUMPS, OWN, SEVERAL_RANKS, has_minimum_degree
-from castfem.fem.root import shared_out
+from castfem.fem.rank_zero import shared_out
 from castfem.fem.section import straight_cuts
 from castfem.meshes import SectionMesh, build
 from castfem.physics.mechanics.newton import split_options

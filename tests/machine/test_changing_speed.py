@@ -17,12 +17,12 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Table
 from castfem.model import Case, load_case
 from castfem.model.build.simulation import case_steel, starting_temperature
-from castfem.model.plausibility import warnings
+from castfem.model.checks.unusual import warnings
 from castfem.model.water import seen_by_slice
 from castfem.physics.machine import Changing
 from castfem.runs import loop
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
 COARSE = (

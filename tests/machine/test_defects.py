@@ -14,9 +14,9 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.cli import checking
 from castfem.model import Case, load_case
-from castfem.model.build_machine import coupled_pairs, known_resistance
+from castfem.model.checks.unusual import warnings
 from castfem.model.defects import Defect, RollDefect
-from castfem.model.plausibility import warnings
+from castfem.model.machine_from_case import coupled_pairs, known_resistance
 from castfem.physics.machine.defects import circle, out_of_line, with_radii
 from castfem.physics.machine.extraction.resistance import tributary_lengths
 from castfem.physics.machine.rolls import Pair, Rolls

@@ -16,7 +16,7 @@ from castfem.cli.machine import draw_machine
 from castfem.model import Case, load_case
 from castfem.physics.machine.extraction.effort import Passing
 from castfem.physics.machine.rolls import Pair, Rolls
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -101,7 +101,7 @@ def test_drives_of_a_coupled_resistance_are_those_of_a_run(
 
     The slice has the whole pull of a drive at the pair below.
     """
-    from castfem.model.build_machine import known_resistance
+    from castfem.model.machine_from_case import known_resistance
 
     case = load_case(CASES / "slab1200" / "reference.toml")
     assert case.machine is not None and case.machine.extraction is not None

@@ -14,11 +14,11 @@ from rolls_of_file import HEADER, ROWS, SLAB, case, rolls_of, written
 from castfem.base.errors import InputError
 from castfem.cli.machine import machine_rows
 from castfem.model import Case, load_case
-from castfem.model.build_machine import build_machine
-from castfem.model.load import read_case
-from castfem.model.plausibility import warnings
-from castfem.model.shipped_cases import CASE_NAME, load
-from castfem.physics.machine.phases import off_stretches, phases
+from castfem.model.checks.unusual import warnings
+from castfem.model.load import load, read_case
+from castfem.model.machine_from_case import build_machine
+from castfem.model.shipped_cases import CASE_NAME
+from castfem.physics.machine.bending_zones import off_stretches, phases
 from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.stations import Stations
 from castfem.post.plots.secondary import close_by

@@ -18,10 +18,10 @@ import pytest
 from castfem.base.csv_files import read_csv
 from castfem.model import load_case
 from castfem.model.machine import thickness_of
+from castfem.physics.machine.bending_zones import Phase, phases
 from castfem.physics.machine.line import Bent
-from castfem.physics.machine.phases import Phase, phases
 from castfem.physics.machine.rolls import Rolls, Segment, expand
-from castfem.physics.machine.sprays import (
+from castfem.physics.machine.spray_layout import (
     Row,
     footprint,
     gap_below,

@@ -15,8 +15,8 @@ import pytest
 
 from castfem.base.errors import InputError
 from castfem.base.tables import Constant
+from castfem.model.checks.unusual import warnings_with
 from castfem.model.load import load_case, portable
-from castfem.model.plausibility import warnings_with
 from castfem.physics.materials import describe_steel, load_steel
 from castfem.physics.materials.alloying import alloyed
 from castfem.physics.materials.calphad import beyond_range, described

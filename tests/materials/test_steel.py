@@ -14,9 +14,9 @@ from castfem.base.tables import Constant, Table
 from castfem.physics.materials import available_steels, describe_steel, knots, load_steel
 from castfem.physics.materials.alloying import alloyed
 from castfem.physics.materials.iron_carbon import IronCarbon
-from castfem.physics.materials.plot import plot_steel
 from castfem.physics.materials.solid_fraction import LeverFraction, LinearFraction, TableFraction
 from castfem.physics.materials.steel import Steel
+from castfem.post.plots.steel import plot_steel
 
 LOWER, UPPER = 900.0, 1900.0
 PERITECTIC = 1768.15

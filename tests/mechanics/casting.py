@@ -14,8 +14,8 @@ from castfem.physics.constitutive.elasticity import Solidity
 from castfem.physics.constitutive.parameters import load_elasticity, load_law
 from castfem.physics.machine import Machine, Steady
 from castfem.physics.materials import load_steel
-from castfem.physics.mechanics.definition import Ferrostatic, Slice
-from castfem.physics.mechanics.planes import PlainPlanes, allowed_strains
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes, allowed_strains
+from castfem.physics.mechanics.slice_definition import Ferrostatic, Slice
 from castfem.physics.thermal import flux_laws
 from mechanics.cooled import CooledSlice
 

@@ -6,8 +6,8 @@ from typing import Any, Self
 
 from thermal.setups import ThermalSetup
 
-from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.state import MechanicalResult
 from castfem.physics.mechanics.stepper import MechanicalStepper
 

@@ -19,10 +19,10 @@ from castfem.fem import dof_values
 from castfem.fem.section import Section
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import ThermoElastic
-from castfem.physics.mechanics.definition import Slice
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.quadrature_rules import Integration
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.state import MechanicalState
 from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.supports import PrescribedDisplacement

@@ -15,8 +15,8 @@ from castfem.base.types import Array
 from castfem.fem.section import Section
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import ThermoElastic
-from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
 from castfem.physics.mechanics.stepper import MechanicalStepper
 

@@ -8,7 +8,7 @@ import pytest
 from castfem.base.types import Array
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, expansion, mapped, ring, skewed
 from mechanics.weiner_boley import HalfSpace, Strip

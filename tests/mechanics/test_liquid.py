@@ -14,8 +14,8 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
 from castfem.physics.constitutive.flow_laws import PerfectlyPlastic, ThermoElastic
 from castfem.physics.constitutive.hardening_laws import NortonHoff
-from castfem.physics.mechanics.definition import Ferrostatic
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
+from castfem.physics.mechanics.slice_definition import Ferrostatic
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 from mechanics.casting import STEEL, CastSetup, billet_mesh
 from mechanics.setups import RING_GROUPS, SliceSetup, box, expansion, mapped, ring

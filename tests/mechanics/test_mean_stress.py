@@ -17,9 +17,9 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep
 from castfem.physics.machine import Machine, Steady
-from castfem.physics.mechanics.definition import SHARES, Ferrostatic
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.quadrature_rules import Integration
+from castfem.physics.mechanics.slice_definition import SHARES, Ferrostatic
 from castfem.physics.mechanics.supports import SurfacePressure
 from mechanics.mean_stress_blocks import (
     FOUR_TERMS,

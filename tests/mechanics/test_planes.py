@@ -12,8 +12,12 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Constant
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import PerfectlyPlastic
-from castfem.physics.mechanics.bent_planes import BentPlanes, ImposedAxis
-from castfem.physics.mechanics.planes import PlainPlanes, allowed_strains, check_strains
+from castfem.physics.mechanics.generalized_plane_strain import (
+    PlainPlanes,
+    allowed_strains,
+    check_strains,
+)
+from castfem.physics.mechanics.machine_bending import BentPlanes, ImposedAxis
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped
 

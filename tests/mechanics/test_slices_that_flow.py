@@ -15,7 +15,7 @@ from castfem.physics.constitutive.base import rotation
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
 from castfem.physics.constitutive.hardening_laws import UnifiedSteel
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, mapped, ring, skewed
 

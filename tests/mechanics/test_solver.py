@@ -18,8 +18,8 @@ from castfem.physics.constitutive.base import Response
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
 from castfem.physics.contact.settings import Contact
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.newton import LineSearch, step_share
-from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.physics.mould.wall import PlaneWall

@@ -10,7 +10,7 @@ import pytest
 from castfem import meshes
 from castfem.base.types import Array
 from castfem.physics.contact.settings import Contact
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import SPRING, PrescribedDisplacement, Traction
 from castfem.physics.mould import Mould, RoundCavity, Taper, same
 from mechanics.casting import STEEL, CastSetup

@@ -16,7 +16,7 @@ from castfem.physics.constitutive.base import rotation
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep
 from castfem.physics.contact.settings import Contact
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import SPRING, PrescribedDisplacement, SurfacePressure
 from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 from mechanics.casting import CastSetup, billet_mesh

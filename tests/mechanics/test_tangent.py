@@ -11,10 +11,10 @@ from castfem.base.types import Array
 from castfem.fem import dof_values
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
-from castfem.physics.mechanics.bent_planes import BentPlanes
-from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.force_operators import ForceOperators
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
+from castfem.physics.mechanics.machine_bending import BentPlanes
+from castfem.physics.mechanics.slice_definition import Ferrostatic
 from castfem.physics.mechanics.supports import SurfacePressure, Traction
 from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed
 

@@ -14,8 +14,8 @@ from castfem.physics.closed_forms.half_space import POISSON, SURFACE, YIELD, YOU
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
 from castfem.physics.constitutive.parameters import load_law
 from castfem.physics.materials import load_steel
-from castfem.physics.mechanics.definition import Slice
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 from castfem.physics.thermal.flux_laws import PrescribedTemperature
 from mechanics.cooled import CooledSlice

@@ -11,7 +11,8 @@ import pytest
 
 from castfem.base.errors import InputError
 from castfem.model import Adaptive, Contact, from_document, load_case
-from castfem.model.shipped_cases import load, shipped
+from castfem.model.load import load
+from castfem.model.shipped_cases import shipped
 
 MOULD = ("mould.length=600 mm", "mechanics.law=norton_hoff_kozlowski", "mesh.order=2",
     "cooling.mould.surface.0.gap_conductivity=0.15 W/(m K)",

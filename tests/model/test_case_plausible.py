@@ -9,7 +9,7 @@ import pytest
 from castfem.base import log
 from castfem.cli.checking import problems_of
 from castfem.model import Case, read_case, shipped_cases
-from castfem.model.plausibility import warnings_with
+from castfem.model.checks.unusual import warnings_with
 from castfem.physics.materials import load_steel
 
 TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"

@@ -10,8 +10,8 @@ from rolled_case import SECONDARY, circuit, rolled, secondary
 
 from castfem.base.errors import InputError
 from castfem.model import Case, load_case
+from castfem.model.checks.unusual import warnings
 from castfem.model.load import from_document, read_case
-from castfem.model.plausibility import warnings
 from castfem.model.secondary import Circuit
 
 CASES = Path(__file__).parents[2] / "cases"

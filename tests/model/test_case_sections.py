@@ -15,8 +15,8 @@ from castfem.base.quantities import Length
 from castfem.meshes import BUILDERS, SectionMesh
 from castfem.meshes.rectangle import rectangle
 from castfem.model import from_document, load_case, read_case
-from castfem.model.build_mould import build_mould
 from castfem.model.mould import Mould
+from castfem.model.mould_from_case import build_mould
 from castfem.model.schema import case_schema, markdown_page
 from castfem.model.section import Rectangle, Section, Size
 from castfem.physics import mould

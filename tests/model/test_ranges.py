@@ -11,8 +11,8 @@ from castfem.base.quantities import Kind
 from castfem.base.ranges import RANGES
 from castfem.model import read_case
 from castfem.model.base import TableModel, tag_of
-from castfem.model.bounds import _kinds
 from castfem.model.case import Case
+from castfem.model.checks.ranges import _kinds
 from castfem.model.problems import submodels
 from castfem.model.tensile import TensileCase
 from castfem.physics.constitutive.flow_laws import RadialReturn
@@ -166,7 +166,7 @@ def test_a_key_of_a_bent_strand_is_refused_with_the_value_that_goes_without() ->
 
 
 def test_a_start_hotter_than_the_steel_was_poured_is_told() -> None:
-    from castfem.model.plausibility import warnings_with
+    from castfem.model.checks.unusual import warnings_with
 
     case = read_case(THERMAL, (start(1600, 2900),)).case
     assert isinstance(case, Case)

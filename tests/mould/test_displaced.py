@@ -11,8 +11,8 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.model import load_case
-from castfem.model.build_mould import build_mould
 from castfem.model.load import from_document
+from castfem.model.mould_from_case import build_mould
 from castfem.model.wall_shape import WallShape, write_wall
 from castfem.physics.mould import (
     DisplacedMould,

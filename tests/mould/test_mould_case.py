@@ -16,8 +16,8 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Table
 from castfem.meshes import build
 from castfem.model import load_case
-from castfem.model.build_mould import build_mould
 from castfem.model.mould import Mould
+from castfem.model.mould_from_case import build_mould
 from castfem.model.schema import case_schema, markdown_page
 from castfem.model.section import BeamBlank, Rectangle, Round
 from castfem.physics.mould import Displaced, Taper

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem.model import load_case
-from castfem.model.build_mould import build_mould
+from castfem.model.mould_from_case import build_mould
 from castfem.post.plots.mould import closed, radius_at
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -93,7 +93,10 @@ def test_mistakes(words, message, castfem, write):
     ("command", "work"),
     [
         (("mould", "case.toml", "--hot"), "castfem.studies.mould_fit.coupled.hot_mould_of"),
-        (("section", "billet125/idealised"), "castfem.studies.mould_fit.section.find_section"),
+        (
+            ("section", "billet125/idealised"),
+            "castfem.studies.mould_fit.meniscus_outline.find_section",
+        ),
     ],
 )
 def test_a_picture_of_no_format_is_refused_before_a_run(command, work, castfem, write, monkeypatch):

@@ -18,14 +18,14 @@ from castfem.base.errors import InputError, RunFailure
 from castfem.cli import execute
 from castfem.cli.mould import write_outline
 from castfem.model import Case, load_case
-from castfem.model.build_mould import build_mould, nominal_mould
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
+from castfem.model.mould_from_case import build_mould, nominal_mould
 from castfem.model.wall_shape import WallShape, write_wall
 from castfem.physics.mould import DisplacedMould
 from castfem.studies.mould_fit.coupled import AGREEMENT, Turn, drawing, flux_of, hot_mould_of
 from castfem.studies.mould_fit.follow import follow
 from castfem.studies.mould_fit.ideal_taper import strand_sizes
-from castfem.studies.mould_fit.section import (
+from castfem.studies.mould_fit.meniscus_outline import (
     LIMITS,
     Attempt,
     SectionLimits,
@@ -140,7 +140,7 @@ def test_cases_that_cannot_be_asked(name: str, words: str) -> None:
 
 
 def test_section_that_cannot_be_had_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("castfem.studies.mould_fit.section.LIMITS", SectionLimits(runs=1))
+    monkeypatch.setattr("castfem.studies.mould_fit.meniscus_outline.LIMITS", SectionLimits(runs=1))
     with pytest.raises(RunFailure, match=r"mine: after 1 runs the section is still \d+ um off"):
         find_section(billet(), MPI.COMM_SELF, "mine", 0.06)
 

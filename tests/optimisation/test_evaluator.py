@@ -182,7 +182,7 @@ def test_levels(tmp_path):
 
 def test_a_smooth_twin_is_computed_where_it_is_named():
     """By the search's own runs; a case that does not name it has none, nor another key."""
-    from castfem.model.shipped_cases import load
+    from castfem.model.load import load
 
     case = load("billet125/optimum_single")
     asked = lean(case.with_({"optimise.minimise": "von_mises_smooth"}))
@@ -195,7 +195,7 @@ def test_a_smooth_twin_is_computed_where_it_is_named():
 
 
 def test_idealised_mould():
-    from castfem.model.shipped_cases import load
+    from castfem.model.load import load
 
     case = load("billet125/taper_1")
     ideal = idealised(case.with_({"output.fields": ["gap"], "mechanics.strain": "large"}))
@@ -212,7 +212,7 @@ def test_idealised_mould():
 
 def test_wall_of_the_mould_is_kept_without_it():
     """The wall's temperature along the mould becomes that of the contact law, over time."""
-    from castfem.model.shipped_cases import load
+    from castfem.model.load import load
 
     table = {"position": [0, 300, 600], "position_unit": "mm", "value": [120, 220, 140],
              "unit": "degC"}  # fmt: skip

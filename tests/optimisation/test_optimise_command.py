@@ -16,7 +16,7 @@ import castfem
 from castfem.base.atomic_files import plain
 from castfem.base.errors import InputError
 from castfem.cli.app import app
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.post.compare.optimum_tables import mould_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("runs_here")]

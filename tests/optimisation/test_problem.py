@@ -11,7 +11,7 @@ from small_case import SMALL, small
 
 from castfem.base.errors import InputError
 from castfem.model import read_case
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Optimum, RunRequest, Study
 from castfem.studies.optimisation.problem import DesignProblem

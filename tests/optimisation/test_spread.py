@@ -16,7 +16,7 @@ from small_case import small
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.physics.constitutive.parameters import given_set
 from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, RunRequest, Study, polynomial_fit

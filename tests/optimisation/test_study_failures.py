@@ -15,11 +15,11 @@ from synthetic_run import write_run
 from castfem.api import Result
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.post.compare.optimum_tables import interval, report
 from castfem.runs.output.folder import SUMMARY_NAME
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 from castfem.studies.optimisation.fidelity import Tilt
 

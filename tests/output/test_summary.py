@@ -16,7 +16,7 @@ from castfem.base.atomic_files import plain, write_json
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity, from_si, to_si
 from castfem.model import load_case
-from castfem.runs.output.summary import Reference, Summary, compare
+from castfem.runs.output.summary_file import Reference, Summary, compare
 
 
 def test_values_are_in_the_unit_beside_them():

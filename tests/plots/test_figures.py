@@ -23,7 +23,7 @@ from castfem.post.plots.style import Abscissa, Style
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import FIGURES
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Zone
+from castfem.runs.output.summary_file import Zone
 from castfem.runs.output.xdmf import FieldWriter
 from castfem.runs.results.labels import probes_with
 

@@ -14,7 +14,7 @@ from rolled_case import circuit, rolled, secondary
 from synthetic_maps import LENGTH, THICK, WIDE, rolls, write_maps
 
 from castfem.model import load_case
-from castfem.model.shipped_cases import load
+from castfem.model.load import load
 from castfem.physics.machine.side import Side
 from castfem.post.plots import figures
 from castfem.post.plots.along_strand import draw_bulging, draw_slice

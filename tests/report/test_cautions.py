@@ -12,11 +12,12 @@ from small_case import small
 import castfem
 from castfem.base.shown_quantity import Quantity
 from castfem.cli import execute
-from castfem.model.shared_heat import even_zones
-from castfem.model.shipped_cases import CASE_NAME, load
+from castfem.model.checks.shared_heat import even_zones
+from castfem.model.load import load
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.report.cautions import cautions, cautions_of_all, radiated, wide_gap
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 FLUX = {"law": "contact", "flux": "2 MW/m^2", "wall": "160 degC"}
 OVER = {"temperature": ["200 degC", "1400 degC"], "value": [1, 2], "unit": "MW/m^2"}

@@ -13,13 +13,14 @@ from synthetic_maps import write_maps
 from synthetic_run import summary, write_run
 
 from castfem.base.shown_quantity import Quantity
-from castfem.model.shipped_cases import CASE_NAME, load
+from castfem.model.load import load
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.html.graphics import sections
 from castfem.post.html.page import write
 from castfem.post.report.conclusions import conclusions
 from castfem.post.report.remarks import THINNEST, Remark, remarks_of
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 
 def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> None:

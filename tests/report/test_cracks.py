@@ -14,7 +14,8 @@ from synthetic_maps import THICK, WIDE, rolls, write_maps
 
 from castfem.base.shown_quantity import Quantity
 from castfem.fem.reductions import peak
-from castfem.model.shipped_cases import CASE_NAME, load
+from castfem.model.load import load
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.physics.machine.stations import Stations
 from castfem.post.compare.runs import Run
 from castfem.post.compare.table import remarks
@@ -23,7 +24,7 @@ from castfem.post.report.remarks import remarks_of
 from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.output.surface_maps import SurfaceMaps
 from castfem.runs.results.headline import derived
 from castfem.runs.results.roll_load import RollLoads, heaviest_roll

@@ -21,7 +21,7 @@ from castfem.post.report.cautions import (
     lost_all_round,
 )
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.output.xdmf import FieldWriter
 
 CONTACT = {"law": "contact", "coefficient": "1600 W/(m^2 K)", "wall": "160 degC"}

@@ -38,7 +38,7 @@ from castfem.post.plots.style import new_figure
 from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.labels import quantities_at, read_positions
 from castfem.studies.sweep.record import Row
 

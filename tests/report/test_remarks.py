@@ -14,7 +14,7 @@ from castfem.post.report.hot_spots import hottest, thinnest
 from castfem.post.report.remarks import remarks
 from castfem.post.report.show import show
 from castfem.runs.output.fields import Fields
-from castfem.runs.output.summary import Summary, Zone
+from castfem.runs.output.summary_file import Summary, Zone
 from castfem.runs.output.xdmf import FieldWriter
 from castfem.runs.results.headline import OPEN, Spell, spells
 from castfem.runs.results.numbers import finely

@@ -20,7 +20,7 @@ from castfem.base.table import FAILED, Table, listed, pairs, say
 from castfem.post.report.show import show
 from castfem.post.report.tables import result_rows, table_names
 from castfem.runs.output.folder import FIGURES, OutputFolder
-from castfem.runs.output.summary import Comparison, Reference, Summary
+from castfem.runs.output.summary_file import Comparison, Reference, Summary
 from castfem.runs.results.headline import headline
 from castfem.runs.results.numbers import shown, with_error
 

@@ -28,8 +28,8 @@ from castfem.runs.loop import TimeLoop
 from castfem.runs.output.folder import DEPTH_ROWS_NAME, DEPTHS_NAME
 from castfem.runs.output.history import read_history
 from castfem.runs.output.surface_maps import DEPTHS, SurfaceMaps
-from castfem.runs.results.hot_tearing import Tearing
-from castfem.runs.results.quality import QualitySampler
+from castfem.runs.results.crack_state import Tearing
+from castfem.runs.results.crack_tracking import QualitySampler
 from castfem.runs.results.thermal_quantities import temperature_at
 
 CRITERIA = ["won", "clyne_davies", "rdg"]
@@ -98,7 +98,7 @@ def test_times_and_strains_are_those_of_the_similarity_solution() -> None:
 @pytest.mark.parametrize(("carbon", "within"), [(0.12, 0.99), (0.2, 0.9)])
 def test_freezing_at_one_temperature_goes_by_the_heat(carbon: float, within: float) -> None:
     """Steel below and above 0.17 % C: the peritectic reaction ends its freezing, or is in it."""
-    from castfem.runs.results.hot_tearing import enthalpy_at
+    from castfem.runs.results.hot_tearing_tracking import enthalpy_at
 
     steel = load_steel("plain_carbon", composition={"C": carbon})
     curve = steel.thermal_curve(1600.0, 1850.0)

@@ -20,11 +20,12 @@ from castfem.base.result_registry import result_names
 from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
 from castfem.model.build.simulation import Simulation, build
-from castfem.model.shipped_cases import find, load
-from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.model.load import load
+from castfem.model.shipped_cases import find
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.post.report.show import show
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import plain_label
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.needs import fault_of, faults_of

@@ -28,7 +28,7 @@ from castfem.runs.output.history import read_history
 from castfem.runs.output.surface_maps import SurfaceMaps
 from castfem.runs.results import crack_index as registry
 from castfem.runs.results.crack_index import SliceStep, crack_index
-from castfem.runs.results.quality import QualitySampler
+from castfem.runs.results.crack_tracking import QualitySampler
 
 ROOT = Path(__file__).parents[2]
 WIDE = {"band": ["1000 degC", "1300 degC"]}  # all of the strand lies within

@@ -41,7 +41,7 @@ from castfem.post.plots.history import axis_label
 from castfem.runs import loop
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results import registry as of_simulation
 from castfem.runs.results.headline import HEADLINE
 from castfem.runs.results.labels import last_quantities, probes_with

@@ -20,7 +20,7 @@ from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
 from castfem.physics.contact.state import ContactSummary
 from castfem.post.report.show import show
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import derived, headline
 from castfem.runs.results.labels import last_quantities, resolved
 from castfem.runs.results.mechanical import opposite, with_vertices

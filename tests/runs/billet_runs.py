@@ -12,7 +12,7 @@ from castfem.model.build.simulation import build
 from castfem.physics.coupling.staggered import StrandState
 from castfem.runs import loop
 from castfem.runs.loop import TimeLoop
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.summary import summarise

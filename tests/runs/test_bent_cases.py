@@ -19,10 +19,10 @@ from runs.billet_runs import run_in_memory
 from castfem.base.errors import InputError
 from castfem.model import Case, load_case
 from castfem.model.build.simulation import build
-from castfem.physics.mechanics.bent_planes import BentPlanes
+from castfem.physics.mechanics.machine_bending import BentPlanes
 from castfem.runs import loop
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 
 def samples_of(case: Case) -> tuple[list[Any], float]:

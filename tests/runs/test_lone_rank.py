@@ -22,12 +22,12 @@ from castfem.runs.output.history import read_history
 PATCHED = """
 import sys
 from mpi4py import MPI
-from castfem.fem import root
+from castfem.fem import rank_zero
 from castfem.physics.mechanics.material_points import Material
 from castfem.physics.thermal.flux_laws import Contact
 alone, stage, folder, words = MPI.COMM_WORLD.rank == 1, *sys.argv[1:3], sys.argv[3:]
 if stage != "nan":
-    root.PATIENCE = 0.5  # the other one never comes
+    rank_zero.PATIENCE = 0.5  # the other one never comes
 flux, integrate = Contact.flux, Material.integrate
 calls = []
 def met(self, temperature, time):

@@ -19,7 +19,7 @@ from runs.billet_runs import Kept, billet, run, run_in_memory
 from castfem.base.errors import InputError
 from castfem.model import Case
 from castfem.model.build.simulation import build
-from castfem.model.plausibility import warnings
+from castfem.model.checks.unusual import warnings
 from castfem.post.plots.deformation import draw_von_mises
 from castfem.post.plots.section import Steel
 from castfem.post.plots.shape import von_mises

@@ -28,7 +28,7 @@ from castfem.physics.thermal.problem import ThermalProblem
 from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.history import History, read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.recorder import Recorder
 
 ROOT = Path(__file__).parents[2]

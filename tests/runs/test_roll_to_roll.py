@@ -16,9 +16,9 @@ from castfem.base.types import Array
 from castfem.model import Case
 from castfem.model.build.secondary import SecondaryCooling, rows_of
 from castfem.model.build.simulation import Simulation, build
-from castfem.physics.machine.sprays import footprint, scale_water
+from castfem.physics.machine.spray_layout import footprint, scale_water
 from castfem.physics.thermal.boundary import Surface
-from castfem.physics.thermal.spray_water import RollShare, SprayWater
+from castfem.physics.thermal.spray_flux import RollShare, SprayWater
 from castfem.runs.loop import TimeLoop
 
 FAN = {"name": "flat", "angle": "150 deg", "angle_along": "20 deg", "correlation": "nozaki"}

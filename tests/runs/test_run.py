@@ -24,7 +24,7 @@ from castfem.runs import loop, recorder
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 COARSE = (
@@ -225,7 +225,7 @@ parts = (
     *(f"castfem.physics.machine.{name}" for name in
       ("rolls", "extraction", "bulging", "stations", "sprays")),
     *(f"castfem.runs.results.{name}" for name in ("probes", "quality")),
-    "castfem.physics.thermal.spray_water", "castfem.model.build.secondary", "castfem.studies",
+    "castfem.physics.thermal.spray_flux", "castfem.model.build.secondary", "castfem.studies",
     "castfem.runs.output.surface_maps",
 )
 unwanted = [m for m in sys.modules if f"{m}.".startswith(tuple(f"{name}." for name in parts))]

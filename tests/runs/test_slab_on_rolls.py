@@ -21,7 +21,7 @@ from castfem.model import Case, load_case
 from castfem.model.build import mechanics
 from castfem.model.load import from_document
 from castfem.physics.contact.roll_support import Bed, Memory, RollSupport
-from castfem.physics.mechanics.definition import Ferrostatic, Slice
+from castfem.physics.mechanics.slice_definition import Ferrostatic, Slice
 from castfem.runs import loop
 from castfem.runs.output.history import read_history
 from castfem.runs.results.sample import Sample

@@ -17,9 +17,9 @@ from castfem import meshes
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.physics.materials.curve import ThermalCurve
-from castfem.physics.thermal.branch import Branch
 from castfem.physics.thermal.flux_laws import Convection, Radiation, SurfaceLaw
-from castfem.physics.thermal.sprays import wendelstorf
+from castfem.physics.thermal.spray_correlations import wendelstorf
+from castfem.physics.thermal.unique_root import Branch
 
 from .setups import ThermalSetup, constant_steel
 
@@ -87,10 +87,12 @@ def test_no_flux_cools_below_absolute_zero(strip: castfem.Case, tmp_path: Path) 
 def test_a_law_that_heats_beyond_its_surroundings_is_refused(
     strip: castfem.Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from castfem.physics.thermal import sprays
+    from castfem.physics.thermal import spray_correlations
 
-    heating = sprays.Correlation(lambda water, cold, surface: np.full_like(surface, -500.0))
-    monkeypatch.setitem(sprays.CORRELATIONS, "nozaki", heating)
+    heating = spray_correlations.Correlation(
+        lambda water, cold, surface: np.full_like(surface, -500.0)
+    )
+    monkeypatch.setitem(spray_correlations.CORRELATIONS, "nozaki", heating)
     spray = {"law": "spray", "water": "5 L/(m^2 s)", "water_temperature": "25 degC"}
     case = strip.with_({"cooling.water.surface": [{**spray, "correlation": "nozaki"}]})
     with pytest.raises(RunFailure, match="though there is nothing hotter than 1000 degC"):

@@ -14,8 +14,8 @@ from castfem.base.errors import InputError
 from castfem.cli.drawing import build_mesh
 from castfem.cli.plant_numbers import heat_lines
 from castfem.model import Case
-from castfem.model.plausibility import warnings
-from castfem.model.shared_heat import fixed_while_varied, shared_heat
+from castfem.model.checks.shared_heat import fixed_while_varied, shared_heat
+from castfem.model.checks.unusual import warnings
 from castfem.physics.materials import load_steel
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 

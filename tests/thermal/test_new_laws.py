@@ -21,7 +21,7 @@ from castfem.model.schema import case_schema, markdown_page
 from castfem.physics.machine import Machine
 from castfem.physics.machine.travel import Steady
 from castfem.physics.materials import load_steel
-from castfem.physics.thermal import sprays
+from castfem.physics.thermal import spray_correlations
 from castfem.physics.thermal.flux_laws import SurfaceLaw
 
 HEAT = "cooling.mould.surface"
@@ -153,13 +153,13 @@ def test_a_new_spray_runs(case: castfem.Case) -> None:
     with pytest.raises(InputError, match=r"correlation .*: not possible .*wendelstorf"):
         case.with_({HEAT: [{**spray, "correlation": "linear"}]})
     try:
-        sprays.correlation((1.0, 4.0))(linear)
+        spray_correlations.correlation((1.0, 4.0))(linear)
         new = case.with_({HEAT: [{**spray, "correlation": "linear"}]})
         twice = {**spray, "correlation": "mizikar", "machine_factor": 0.5}
         assert final(new) == pytest.approx(final(case.with_({HEAT: [twice]})), abs=1e-9)
         assert "outside of what linear was measured for, 1 to 4" in " ".join(
-            str(warning) for warning in castfem.model.plausibility.warnings(new)
+            str(warning) for warning in castfem.model.checks.unusual.warnings(new)
         )
         assert '`"linear"`' in markdown_page()
     finally:
-        del sprays.CORRELATIONS["linear"]
+        del spray_correlations.CORRELATIONS["linear"]

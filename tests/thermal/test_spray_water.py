@@ -13,9 +13,9 @@ import pytest
 
 from castfem import meshes
 from castfem.physics.thermal.boundary import Cooling
-from castfem.physics.thermal.branch import Branch
 from castfem.physics.thermal.flux_laws import Convection, Radiation
-from castfem.physics.thermal.spray_water import (
+from castfem.physics.thermal.spray_correlations import CORRELATIONS
+from castfem.physics.thermal.spray_flux import (
     Coefficient,
     CoefficientTable,
     OfCorrelation,
@@ -24,7 +24,7 @@ from castfem.physics.thermal.spray_water import (
     SprayWater,
     water_across,
 )
-from castfem.physics.thermal.sprays import CORRELATIONS
+from castfem.physics.thermal.unique_root import Branch
 
 from .setups import ThermalSetup, constant_steel
 

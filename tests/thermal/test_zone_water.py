@@ -18,7 +18,7 @@ from castfem.meshes import build as build_mesh
 from castfem.model.build.simulation import build, case_steel
 from castfem.model.mould import Oscillation
 from castfem.physics.thermal import flux_laws
-from castfem.physics.thermal.sprays import CORRELATIONS
+from castfem.physics.thermal.spray_correlations import CORRELATIONS
 
 SURFACE = "cooling.0.surface"
 SPEED, LENGTH = 0.06, 0.06

@@ -13,7 +13,7 @@ from castfem.base.constants import same_or_before
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.fem.probes import LineProbes, Profile
-from castfem.fem.root import shared_out
+from castfem.fem.rank_zero import shared_out
 from castfem.model.build.shell_prediction import Core, ShellPrediction
 from castfem.physics.contact.roll_support import Bed
 from castfem.physics.machine.bulging import (

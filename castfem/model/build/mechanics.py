@@ -19,21 +19,27 @@ from castfem.fem import reductions
 from castfem.fem.probes import LineProbes
 from castfem.fem.section import Section
 from castfem.model import mechanics as given
-from castfem.model.bending import axis_position, places_of
 from castfem.model.build.law import build_law
-from castfem.model.build_machine import coupled_pairs, known_resistance
-from castfem.model.build_mould import build_mould
 from castfem.model.heat_law import no_expansion
 from castfem.model.machine import thickness_of
+from castfem.model.machine_from_case import coupled_pairs, known_resistance
+from castfem.model.mechanics import axis_position, places_of
+from castfem.model.mould_from_case import build_mould
 from castfem.physics.constitutive.base import Law
 from castfem.physics.contact.settings import Contact, SurfaceInteraction
 from castfem.physics.machine.extraction.effort import CoupledResistance, Effort, Pairs, RollForces
 from castfem.physics.machine.extraction.resistance import pressed, tributary_lengths
 from castfem.physics.machine.machine import GRAVITY, over_time
-from castfem.physics.mechanics.bent_planes import BentPlanes, ImposedAxis
-from castfem.physics.mechanics.definition import Ferrostatic, Slice
-from castfem.physics.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_strains, zero
+from castfem.physics.mechanics.generalized_plane_strain import (
+    PlainPlanes,
+    Planes,
+    TimeHistory,
+    allowed_strains,
+    zero,
+)
+from castfem.physics.mechanics.machine_bending import BentPlanes, ImposedAxis
 from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.slice_definition import Ferrostatic, Slice
 from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.machine.rolls import Rolls
     from castfem.physics.materials import Steel
-    from castfem.physics.mechanics.definition import Ferrostatic
+    from castfem.physics.mechanics.slice_definition import Ferrostatic
 
 
 def build_roll_supports(

@@ -14,11 +14,11 @@ from castfem.model.build.cooling import water_supply
 from castfem.model.heat_law import no_emissivity
 from castfem.model.water import largest
 from castfem.physics.machine.machine import over_time
-from castfem.physics.machine.sprays import Kind, Row, Stretch, footprint
+from castfem.physics.machine.spray_layout import Kind, Row, Stretch, footprint
 from castfem.physics.thermal.boundary import Cooling, Surface
 from castfem.physics.thermal.flux_laws import Convection, Radiation, SurfaceLaw
-from castfem.physics.thermal.spray_water import RollShare, Share, SprayWater, water_across
-from castfem.physics.thermal.sprays import WATER_DENSITY
+from castfem.physics.thermal.spray_correlations import WATER_DENSITY
+from castfem.physics.thermal.spray_flux import RollShare, Share, SprayWater, water_across
 
 if TYPE_CHECKING:
     from castfem.model import Case
@@ -47,7 +47,7 @@ class SecondaryCooling:
         surface: Perimeter shares of the section's boundary groups.
         start: Start of this cooling, from the meniscus, m.
         rows: Rows of nozzles; by default those of the case
-            (`castfem.physics.machine.sprays.scale_water` changes the water of some).
+            (`castfem.physics.machine.spray_layout.scale_water` changes the water of some).
         beside: Cooling of another slice, whose case differs only in speed, water and start: shared
             data.
 

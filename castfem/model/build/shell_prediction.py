@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from castfem.physics.constitutive.base import Law
     from castfem.physics.machine.rolls import Rolls
     from castfem.physics.materials import Steel
-    from castfem.physics.mechanics.definition import Ferrostatic
+    from castfem.physics.mechanics.slice_definition import Ferrostatic
 
 
 @dataclass(frozen=True, slots=True)

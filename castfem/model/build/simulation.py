@@ -16,11 +16,11 @@ from castfem.base.libraries import cache_folder
 from castfem.base.stopwatch import Stopwatch
 from castfem.fem import reductions
 from castfem.fem.probes import LineProbes
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 from castfem.fem.section import Section
 from castfem.model.build.cooling import Zones
 from castfem.model.build.start import given_profile
-from castfem.model.build_machine import build_machine
+from castfem.model.machine_from_case import build_machine
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
 from castfem.physics.coupling.staggered import LIMITS, StaggeredCoupling
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from castfem.physics.closed_forms import ClosedForm
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
-    from castfem.physics.mechanics.parts import StrainedSlice
+    from castfem.physics.mechanics.equilibrium_parts import StrainedSlice
     from castfem.physics.mechanics.stepper import MechanicalStepper
 
 

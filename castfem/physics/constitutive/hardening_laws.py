@@ -14,8 +14,8 @@ import numpy as np
 from castfem.base.quantities import Kind
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import Given, Parameter
-from castfem.physics.constitutive.curves import Austenite, DeltaFerrite, modified_norton_hoff
 from castfem.physics.constitutive.elasticity import Curve, Elasticity
+from castfem.physics.constitutive.flow_curves import Austenite, DeltaFerrite, modified_norton_hoff
 from castfem.physics.constitutive.flow_laws import STRAIN, FlowCurve, RadialReturn, require
 from castfem.physics.constitutive.kernel import constants
 

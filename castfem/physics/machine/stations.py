@@ -93,7 +93,7 @@ class Stations:
             return MOULD
         if self.rolls is None:
             return BELOW
-        from castfem.physics.machine.phases import off_stretches, phases
+        from castfem.physics.machine.bending_zones import off_stretches, phases
 
         found, pairs = phases(self.rolls), self.rolls.pairs
         if not found or position < pairs[0].position:

@@ -11,7 +11,7 @@ from dolfinx import fem
 from castfem.base.types import Array
 from castfem.fem import dof_values, reductions
 from castfem.fem.section import Cellwise
-from castfem.physics.mechanics.planes import STRAIGHT, Bending
+from castfem.physics.mechanics.generalized_plane_strain import STRAIGHT, Bending
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.state import MechanicalState
 

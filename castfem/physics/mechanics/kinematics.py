@@ -21,9 +21,9 @@ from castfem.fem.section import Section
 from castfem.forms import finite_strain, mechanics
 from castfem.physics.mechanics.fields import Fields
 from castfem.physics.mechanics.interactions import Interactions
+from castfem.physics.mechanics.mean_stress import VolumeStiffness
 from castfem.physics.mechanics.quadrature import Points
 from castfem.physics.mechanics.supports import SurfaceLoads
-from castfem.physics.mechanics.volume import VolumeStiffness
 
 Part = TypeVar("Part")
 Other = TypeVar("Other")

@@ -1,8 +1,9 @@
 """Equilibrium of the slice at the end of a step, solved by SNES.
 
-Unknowns are the displacement and the free generalized strains (`castfem.physics.mechanics.planes`).
-The latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and the
-solution does not depend on the choice of units.
+Unknowns are the displacement and the free generalized strains
+(`castfem.physics.mechanics.generalized_plane_strain`). The latter are scaled to lengths, so that
+all unknowns have one unit, all residuals another, and the solution does not depend on the choice of
+units.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from castfem.fem.bordered_system import BorderedSystem
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
 from castfem.physics.constitutive.base import Response
-from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.equilibrium_parts import SliceParts
 from castfem.physics.mechanics.fields import AXIAL
 from castfem.physics.mechanics.liquid import FedLiquid
 from castfem.physics.mechanics.material_points import FedPoints, Material
@@ -32,8 +33,8 @@ from castfem.physics.mechanics.newton import (
     ResidualState,
     split_options,
 )
-from castfem.physics.mechanics.parts import SliceParts
 from castfem.physics.mechanics.quadrature import ActivePoints
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.state import MechanicalState
 from castfem.physics.mechanics.tangent import ActivePart, Tangent
 

@@ -20,8 +20,8 @@ from castfem.fem import dof_values
 from castfem.fem.compat import Tabulation
 from castfem.fem.section import Section
 from castfem.forms import mechanics as forms
+from castfem.physics.mechanics.mean_stress import Linear
 from castfem.physics.mechanics.quadrature_rules import EVERY, Integration, Rule
-from castfem.physics.mechanics.volume import Linear
 
 
 class Points:

@@ -12,7 +12,7 @@ import numpy as np
 from castfem.base.types import Array
 from castfem.physics.contact.interaction import InteractionState
 from castfem.physics.contact.state import ContactState
-from castfem.physics.mechanics.planes import STRAIGHT, Bending
+from castfem.physics.mechanics.generalized_plane_strain import STRAIGHT, Bending
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 from castfem.base.types import Array
 from castfem.fem import dof_values, reductions
 from castfem.physics.contact.interaction import NOTHING_ADDED, BearsRolls
-from castfem.physics.mechanics.planes import StepTaken, loads_at
+from castfem.physics.mechanics.generalized_plane_strain import StepTaken, loads_at
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.physics.mechanics.validity import NO_SHELL, Validity

@@ -18,7 +18,7 @@ from castfem.physics.constitutive.base import Response
 from castfem.physics.mechanics.fields import Fields
 from castfem.physics.mechanics.kinematics import Kinematics
 from castfem.physics.mechanics.liquid import FedLiquid
-from castfem.physics.mechanics.plane_equations import PlaneEquations
+from castfem.physics.mechanics.plane_equilibrium import PlaneEquations
 from castfem.physics.mechanics.scaling import Scales
 from castfem.physics.mechanics.supports import Constraints
 

@@ -24,7 +24,7 @@ from castfem.fem import dof_values, reductions
 from castfem.fem.compat import Tabulation
 from castfem.forms.finite_strain import deformation
 from castfem.physics.constitutive.base import Law, equivalent_stress
-from castfem.physics.mechanics.planes import LOADS
+from castfem.physics.mechanics.generalized_plane_strain import LOADS
 from castfem.physics.mechanics.state import MechanicalState
 
 if TYPE_CHECKING:

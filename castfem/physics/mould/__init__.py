@@ -1,4 +1,6 @@
-"""Rigid moulds: wall contours, taper along the mould, and the gap to them; numpy only.
+"""Rigid moulds: wall contours, taper along the mould, and the gap to them.
+
+numpy only; the hot copper tube, which is a finite-element model, is `castfem.physics.mould.hot`.
 
 Lengths in m, tapers in 1/m (1 %/m is 0.01), temperatures in K.
 

@@ -18,7 +18,7 @@ import numpy as np
 from castfem.base.constants import STEFAN_BOLTZMANN
 from castfem.base.types import Array
 from castfem.physics.thermal.mould_flux import Curve, with_slope
-from castfem.physics.thermal.sprays import Correlation
+from castfem.physics.thermal.spray_correlations import Correlation
 
 
 class SurfaceLaw(ABC):
@@ -35,7 +35,7 @@ class SurfaceLaw(ABC):
         """Smallest dq/dT, or a lower bound of it.
 
         A law whose flux decreases with temperature anywhere must return a negative number: steps
-        are then limited to one root of the heat balance (`castfem.physics.thermal.branch`).
+        are then limited to one root of the heat balance (`castfem.physics.thermal.unique_root`).
 
         Args:
             temperatures: Dense temperatures at which it is evaluated (g,), K.

@@ -13,7 +13,7 @@ from castfem.base.atomic_files import write_csv
 from castfem.base.constants import EXACT, ROUNDING, same_instant
 from castfem.base.shown_units import Scale, label_shown, scale_of
 from castfem.base.table import Table
-from castfem.model.build_mould import build_mould
+from castfem.model.mould_from_case import build_mould
 from castfem.post.compare.digits import column, ends, result, significant, variable
 from castfem.studies.optimisation.fidelity import checks_of
 from castfem.studies.optimisation.optimum import (

@@ -11,7 +11,7 @@ from castfem.base.errors import InputError
 from castfem.runs.output.folder import CASTER_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import derived
 from castfem.studies.sweep.plan import brief
 from castfem.studies.sweep.record import SWEEP_NAME, Record
@@ -117,7 +117,7 @@ def _distinct(runs: Sequence[Run]) -> list[Run]:
 
 def heat_shared(runs: Sequence[Run]) -> list[str]:
     """Return warnings about comparing runs of different speeds, one line per mould law."""
-    from castfem.model.shared_heat import shared_heat
+    from castfem.model.checks.shared_heat import shared_heat
     from castfem.runs.results.run_case import case_with
 
     cases = [case_with(run.folder, "power", "water_rise", "position") for run in runs]

@@ -17,7 +17,7 @@ from castfem.post.compare.runs import Run, heat_shared
 from castfem.post.report.cautions import cautions_of_all
 from castfem.post.report.cracks import crack_places, defects_of
 from castfem.post.report.tables import UNCHANGED
-from castfem.runs.output.summary import SIGNS, Kind, met
+from castfem.runs.output.summary_file import SIGNS, Kind, met
 from castfem.runs.results.headline import headline, mould_exit, plain_label
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import is_gap, shown, unit_shown, value_cells

@@ -19,9 +19,7 @@ from castfem.base.table import pairs
 from castfem.base.types import Array
 from castfem.model import Case, load_case
 from castfem.model.machine import thickness_of
-from castfem.model.quality import band_of
 from castfem.model.shipped_cases import CASE_NAME
-from castfem.model.shown_units import units_of
 from castfem.physics.machine.side import Side
 from castfem.post.html.graphics import FRAME, marks, palette, ticks
 from castfem.post.html.page import case_text, json_of, provenance, template, text_of
@@ -57,7 +55,7 @@ class Panel:
 def write_caster(folder: Path, target: Path) -> Path:
     """Write the page of a caster, one file without external links."""
     case = load_case(folder / CASE_NAME)
-    with shown_in(units_of(case)):
+    with shown_in(case.shown_units):
         text = template("caster.html.j2").render(_content(folder, case))
     write_text(target, text, durable=False)
     return target
@@ -130,7 +128,7 @@ def _panels(shown: dict[str, Array], case: Case) -> Iterator[Panel]:
         band = None
         if names is surfaces:
             scale = scale_of("degC", "surface_temperature")
-            ends = (scale(t - ZERO_CELSIUS) for t in band_of(case))
+            ends = (scale(t - ZERO_CELSIUS) for t in case.brittle_band)
             band = _places_up(ends, limits)
         curves = tuple(
             (name, probe_label(places[name]) if name in places else "", colours[places[name]])

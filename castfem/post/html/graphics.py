@@ -23,7 +23,7 @@ from castfem.post.plots.style import probe_colours
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import UNITS
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 
 @dataclass(frozen=True, slots=True)

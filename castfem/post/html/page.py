@@ -36,7 +36,7 @@ from castfem.post.report.show import how_it_ended
 from castfem.post.report.tables import balance_tables
 from castfem.runs.output.folder import CASTER_NAME, FIGURES_NAME
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.numbers import finely, unit_shown
 from castfem.runs.results.run_case import units_of_run
 

@@ -15,7 +15,6 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array
-from castfem.model.quality import band_of
 from castfem.post.plots.maps import band_norm, band_ticks, edges, temperature_colours
 from castfem.post.plots.style import STYLE, head, look, new_figure, save
 from castfem.runs.caster.files import CENTRE, definition, moment_files, read_table
@@ -160,7 +159,7 @@ def maps_figure(folder: Path, case: Case) -> Figure:
     figure = new_figure(1.5 * STYLE.width, 0.6 + 2.3 * lines)
     panels = figure.subplots(lines, _ACROSS, sharex=True, sharey=True, squeeze=False)
     head(figure, case.title)
-    low, high = (end - ZERO_CELSIUS for end in band_of(case))
+    low, high = (end - ZERO_CELSIUS for end in case.brittle_band)
     for panel in panels.flat[len(names) :]:
         panel.set_axis_off()
     for panel, name in zip(panels.flat, names, strict=False):

@@ -31,7 +31,7 @@ from castfem.post.plots.style import STYLE, Abscissa, look, save
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import ALL_FIGURES, FIGURES_NAME
 from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
-from castfem.runs.output.summary import Summary, Zone
+from castfem.runs.output.summary_file import Summary, Zone
 from castfem.runs.output.surface_maps import DEPTHS, SURFACE, SurfaceMaps
 from castfem.runs.output.xdmf import HDF5_NAME
 from castfem.runs.results.run_case import units_of_run

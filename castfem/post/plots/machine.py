@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.physics.machine.phases import phases
+from castfem.physics.machine.bending_zones import phases
 from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.side import Side
 from castfem.post.plots.style import head, look, new_figure

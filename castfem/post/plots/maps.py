@@ -243,7 +243,7 @@ def _mark_phases(axes: list[Axes], stations: Stations, abscissa: Abscissa) -> No
     """
     if stations.rolls is None:
         return
-    from castfem.physics.machine.phases import off_stretches, phases
+    from castfem.physics.machine.bending_zones import off_stretches, phases
     from castfem.runs.results.crack_index import BENDS
 
     pairs, high = stations.rolls.pairs, float(abscissa.values[-1])

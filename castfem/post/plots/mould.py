@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from castfem.physics.mould.hot.model import HotWall
     from castfem.studies.mould_fit.coupled import Drawing
-    from castfem.studies.mould_fit.section import Attempt, Outline
+    from castfem.studies.mould_fit.meniscus_outline import Attempt, Outline
 
 _STAGES = ("meniscus", "half way", "exit")
 _GREY = "#7f7f7f"

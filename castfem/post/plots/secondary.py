@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.physics.machine.phases import phases
+from castfem.physics.machine.bending_zones import phases
 from castfem.physics.machine.rolls import Rolls
-from castfem.physics.machine.sprays import KINDS, Stretch
+from castfem.physics.machine.spray_layout import KINDS, Stretch
 from castfem.post.plots.history import axis_label, curves
 from castfem.post.plots.style import Abscissa, new_figure
 

@@ -92,7 +92,7 @@ class WallLine:
     def of(cls, fields: Fields, index: int) -> WallLine | None:
         """Make it from the run's case; None without a mould at that time or a valid case."""
         from castfem.model import Case, read_case
-        from castfem.model.build_mould import build_mould
+        from castfem.model.mould_from_case import build_mould
 
         file, position = fields.folder / CASE_NAME, float(fields.positions[index])
         case = read_case(file).sound if file.is_file() else None

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from castfem.base.atomic_files import replacing
 from castfem.base.libraries import own_style
 from castfem.base.shown_units import is_chosen
-from castfem.runs.output.summary import Zone
+from castfem.runs.output.summary_file import Zone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,9 +12,9 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import place_said, said
 from castfem.base.types import Array, Flags
-from castfem.model.caster import DIGITS, cast_of
-from castfem.model.quality import band_of
-from castfem.physics.machine.phases import phases
+from castfem.model.caster import DIGITS
+from castfem.model.caster_slices import cast_of
+from castfem.physics.machine.bending_zones import phases
 from castfem.runs.caster.files import CENTRE, definition, read_table
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
@@ -111,7 +111,7 @@ def pieces_in_band(
     caster, rolls = case.caster, None if case.machine is None else case.machine.pairs()
     if caster is None or caster.cut is None or rolls is None:
         return
-    cast, low_high = cast_of(case), band_of(case)
+    cast, low_high = cast_of(case), case.brittle_band
     low, high = (end - ZERO_CELSIUS for end in low_high)
     first = cast.length(caster.plant.times[0])
     band = f"{said(low, 'degC', '.0f')} to {said(high, 'degC', '.0f')}"

@@ -14,7 +14,7 @@ from castfem.base.errors import InputError
 from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import said
 from castfem.base.types import Array
-from castfem.model.check_cooling import law_groups
+from castfem.model.checks.cooling import law_groups
 from castfem.model.section import Round
 from castfem.physics.thermal.flux_laws import Radiation
 from castfem.post.plots.history import curves
@@ -31,7 +31,7 @@ from castfem.post.report.remarks import (
 )
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import OPEN, Spell, spells
 from castfem.runs.results.labels import has_values, probes_with, unit_of
 from castfem.runs.results.run_case import case_with
@@ -269,7 +269,7 @@ def _even(folder: Path) -> str:
     case = case_with(folder, "flux")
     if case is None:
         return ""
-    from castfem.model.shared_heat import EVEN_FLUX, even_zones, fix
+    from castfem.model.checks.shared_heat import EVEN_FLUX, even_zones, fix
 
     zones = list(even_zones(case))
     if not zones:

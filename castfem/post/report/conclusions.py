@@ -15,7 +15,7 @@ from castfem.post.plots.history import curves
 from castfem.post.report.cracks import CrackPlaces, crack_places
 from castfem.post.report.remarks import REMELTED, THINNEST, Remark, remarks_of
 from castfem.runs.output.history import HISTORY_NAME, read_columns
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.numbers import cells, finely
 from castfem.runs.results.run_case import case_with
 
@@ -69,7 +69,7 @@ def _unbending(folder: Path) -> Iterator[tuple[str, str]]:
         return
     if case is None or rolls is None or len(table) < 2:
         return
-    from castfem.physics.machine.phases import phases
+    from castfem.physics.machine.bending_zones import phases
 
     position = table["position"]
     band = None if case.quality is None else case.quality.band

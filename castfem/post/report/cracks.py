@@ -14,7 +14,7 @@ from castfem.base.shown_quantity import from_si
 from castfem.base.shown_units import plain_unit
 from castfem.base.types import Array
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.output.surface_maps import DEPTHS, IN_BAND, SurfaceMap, SurfaceMaps
 from castfem.runs.results.numbers import small_rate
 from castfem.runs.results.roll_load import heaviest_roll

@@ -22,7 +22,7 @@ from castfem.post.report.hot_spots import HotSpot, hottest, thinnest
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import OPEN, mould_exit, spells
 from castfem.runs.results.labels import STAIR, beside_wall, has_values, unit_of
 from castfem.runs.results.roll_load import BULGE, RollLoads

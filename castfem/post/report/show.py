@@ -17,7 +17,7 @@ from castfem.post.report.tables import balance_tables, result_tables, table_alon
 from castfem.runs.output.folder import LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import duration, finely
 from castfem.runs.results.run_case import units_of_run

@@ -20,7 +20,7 @@ from castfem.base.shown_units import (
 )
 from castfem.base.table import Table, pairs
 from castfem.runs.output.history import HISTORY_NAME, read_columns
-from castfem.runs.output.summary import SIGNS, Comparison, Summary
+from castfem.runs.output.summary_file import SIGNS, Comparison, Summary
 from castfem.runs.results.headline import AT_PROBES, ENDS, HEADLINE, at_places, repeats
 from castfem.runs.results.labels import quantities_at
 from castfem.runs.results.numbers import (
@@ -188,7 +188,7 @@ def _bends(folder: Path) -> list[Place]:
     rolls = None if case is None or case.machine is None else case.machine.pairs()
     if rolls is None:
         return []
-    from castfem.physics.machine.phases import phases
+    from castfem.physics.machine.bending_zones import phases
     from castfem.runs.results.crack_index import BENDS
 
     off = [i for i, pair in enumerate(rolls.pairs) if pair.offset]

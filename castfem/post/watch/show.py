@@ -41,7 +41,7 @@ from castfem.post.watch.status import (
     where,
 )
 from castfem.runs.output.run_record import RUN_NAME
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import derived
 from castfem.runs.results.run_case import units_of_run
 from castfem.studies.sweep.plan import shortened

@@ -22,7 +22,7 @@ from castfem.post.report.tables import result_rows
 from castfem.runs.output.folder import LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, last_row
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import cells
 from castfem.studies.sweep.plan import brief as brief_keys

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.model.caster import DIGITS, slice_of
+from castfem.model.caster import DIGITS
+from castfem.model.caster_slices import slice_of
 from castfem.model.heat_law import ScaledLaw
 
 if TYPE_CHECKING:

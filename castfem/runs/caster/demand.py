@@ -11,7 +11,7 @@ import numpy as np
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import CaseError
 from castfem.base.types import Indices
-from castfem.model.caster import by_plant, cast_of, starts_of
+from castfem.model.caster_slices import by_plant, cast_of, starts_of
 from castfem.model.mechanics import Way
 
 if TYPE_CHECKING:

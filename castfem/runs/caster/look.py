@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from castfem.model.caster import Cast, Plant
+from castfem.model.caster import Plant
+from castfem.model.caster_slices import Cast
 
 
 @dataclass(frozen=True, slots=True)

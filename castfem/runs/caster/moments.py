@@ -19,7 +19,7 @@ import numpy as np
 from castfem.base.atomic_files import saving, write_text
 from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
 from castfem.runs.caster.files import moment_files

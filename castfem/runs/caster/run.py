@@ -19,7 +19,7 @@ from castfem.base.process import one_at_a_time
 from castfem.base.progress import Progress, clock
 from castfem.base.stopwatch import peak_memory
 from castfem.base.types import Array
-from castfem.fem.root import Together, on_root
+from castfem.fem.rank_zero import Together, on_root
 from castfem.model.build.simulation import build_mesh
 from castfem.model.caster import EVENT
 from castfem.runs.caster import pyrometers

@@ -26,7 +26,7 @@ from castfem.model.build.simulation import (
     build_beside,
     starting_temperature,
 )
-from castfem.model.caster import (
+from castfem.model.caster_slices import (
     by_plant,
     cast_of,
     ends_with_tail,

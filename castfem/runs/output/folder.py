@@ -14,7 +14,7 @@
     fields.h5      ... and their numbers (`castfem.runs.output.field_files`), those of
     fields/        a run that has not ended in a file a time
     checkpoint.h5  the state to resume from (`castfem.runs.output.checkpoint`)
-    summary.json   the results in numbers (`castfem.runs.output.summary`)
+    summary.json   the results in numbers (`castfem.runs.output.summary_file`)
     caster.csv     of a caster instead of a history: a row an instant (`castfem.runs.caster.files`)
     strand.csv     ... the strand at each instant, a row a slice ...
     slices.csv     ... and each slice as it has left
@@ -58,7 +58,7 @@ from castfem.runs.output.checkpoint import CHECKPOINT_NAME
 from castfem.runs.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.run_record import RUN_NAME, RunRecord, command, versions
-from castfem.runs.output.summary import SUMMARY_NAME, Summary
+from castfem.runs.output.summary_file import SUMMARY_NAME, Summary
 from castfem.runs.output.xdmf import XDMF_NAME
 
 if TYPE_CHECKING:

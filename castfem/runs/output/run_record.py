@@ -20,7 +20,7 @@ import castfem
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError, dotted
 from castfem.base.process import STOPS
-from castfem.runs.output.summary import renamed
+from castfem.runs.output.summary_file import renamed
 
 RUN_NAME = "run.json"
 _FORMAT = "castfem run"

@@ -28,7 +28,7 @@ from castfem.base.types import Array, Flags
 if TYPE_CHECKING:
     from castfem.model.quality import Quality
     from castfem.physics.materials import Steel
-    from castfem.runs.results.hot_tearing import Tearing
+    from castfem.runs.results.crack_state import Tearing
     from castfem.runs.results.sample import Sample
 
 Where = Literal["surface", "section"]
@@ -185,6 +185,8 @@ def _declare_within(
 
 def declared_indexes() -> tuple[CrackIndex, ...]:
     """All crack indexes, castfem's own first."""
-    from castfem.runs.results import quality_quantities as own
-
-    return tuple(sorted(_declared.values(), key=lambda one: one.compute.__module__ != own.__name__))
+    return tuple(
+        sorted(
+            _declared.values(), key=lambda one: not one.compute.__module__.startswith("castfem.")
+        )
+    )

@@ -16,7 +16,7 @@ from castfem.base.result_registry import AT_FRACTION
 from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
 from castfem.runs.output.history import HISTORY_NAME, read_columns
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.labels import last_quantities, probes_with
 from castfem.runs.results.roll_load import RollLoads
 

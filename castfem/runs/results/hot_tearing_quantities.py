@@ -16,7 +16,7 @@ from castfem.base.types import Array
 from castfem.runs.results.crack_index import SliceStep, crack_index
 
 if TYPE_CHECKING:
-    from castfem.runs.results.hot_tearing import Tearing
+    from castfem.runs.results.crack_state import Tearing
     from castfem.runs.results.sample import Sample
 
 

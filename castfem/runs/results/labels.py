@@ -19,7 +19,7 @@ from castfem.base.result_registry import find
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import place_said, plain_unit
 from castfem.base.types import Flags
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 if TYPE_CHECKING:
     from castfem.runs.output.history import Columns

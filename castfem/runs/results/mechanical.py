@@ -17,8 +17,8 @@ from castfem.fem import dof_values, reductions
 from castfem.fem.probes import LineProbes, Profile
 from castfem.physics.constitutive.base import equivalent_strain, equivalent_stress
 from castfem.physics.contact.summary import summary
-from castfem.physics.mechanics.bent_planes import BentPlanes
-from castfem.physics.mechanics.parts import StrainedSlice
+from castfem.physics.mechanics.equilibrium_parts import StrainedSlice
+from castfem.physics.mechanics.machine_bending import BentPlanes
 from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.runs.results.sample import SMOOTH_ORDER, MechanicalSample, SmoothPeak

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
     from castfem.model.case import Case
     from castfem.model.quality import Quality
-    from castfem.physics.mechanics.definition import Slice
+    from castfem.physics.mechanics.slice_definition import Slice
 
 
 @dataclass(frozen=True, slots=True)

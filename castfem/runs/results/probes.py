@@ -118,7 +118,7 @@ def _within(simulation: Simulation, name: str, place: Array) -> None:
     try:
         PointProbes(simulation.section, place[None, :])
     except ValueError:
-        raise outside(simulation.case, name, place) from None
+        raise outside(simulation.case.section, name, place) from None
 
 
 def _shown(value: float, unit: str) -> float:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from castfem.physics.coupling.subcycling import SubSteps
     from castfem.physics.mechanics.checkpoint import MechanicalCheckpoint
     from castfem.physics.mechanics.state import MechanicalResult
-    from castfem.runs.results.quality import QualityState
+    from castfem.runs.results.crack_state import QualityState
 
 
 STORED = {

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from castfem.physics.contact.state import ContactSummary
     from castfem.physics.coupling.staggered import StrandState
     from castfem.physics.machine.extraction.effort import Withdrawal
-    from castfem.physics.mechanics.planes import Bending
+    from castfem.physics.mechanics.generalized_plane_strain import Bending
     from castfem.physics.mechanics.state import Balance
-    from castfem.runs.results.quality import QualityState
+    from castfem.runs.results.crack_state import QualityState
 
 
 SMOOTH_ORDER = 32  # smooth maximum: ratio of the integrals of stress^32 and stress^31

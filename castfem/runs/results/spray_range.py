@@ -11,7 +11,7 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
 from castfem.base.units import format
 from castfem.fem import reductions
-from castfem.physics.thermal.spray_water import CoefficientTable, SprayWater
+from castfem.physics.thermal.spray_flux import CoefficientTable, SprayWater
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation

@@ -9,7 +9,7 @@ from castfem.base.constants import same_instant
 from castfem.base.shown_quantity import Quantity
 from castfem.model import Case
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
-from castfem.runs.output.summary import CUT, Comparison, Reference, Summary, Zone, compare
+from castfem.runs.output.summary_file import CUT, Comparison, Reference, Summary, Zone, compare
 from castfem.runs.results.labels import resolved
 from castfem.runs.results.registry import results_of
 

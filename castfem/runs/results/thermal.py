@@ -24,8 +24,8 @@ from castfem.runs.results.sample import (
 
 if TYPE_CHECKING:
     from castfem.physics.mechanics.state import MechanicalResult
+    from castfem.runs.results.crack_tracking import QualitySampler
     from castfem.runs.results.mechanical import MechanicalSampler
-    from castfem.runs.results.quality import QualitySampler
     from castfem.runs.results.sample import MechanicalSample
     from castfem.runs.results.spray_range import SprayRange
 
@@ -78,7 +78,7 @@ class Sampler:
         if self.simulation.case.mould is not None:
             self.extremes = MouldExtremes(self.simulation.case.mould.length)
         if self.simulation.case.quality is not None:
-            from castfem.runs.results.quality import QualitySampler
+            from castfem.runs.results.crack_tracking import QualitySampler
 
             ends = getattr(self.simulation.case.mechanics, "until", None) is not None
             self.quality = QualitySampler(self.simulation, None if ends else self.mechanics)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.model.build_mould import nominal_mould
+from castfem.model.mould_from_case import nominal_mould
 from castfem.physics.mould.hot.flux import FluxMap, WallPlaces
 from castfem.physics.mould.perimeter import sides_of
 from castfem.runs.output.folder import WALL_FLUX_NAME

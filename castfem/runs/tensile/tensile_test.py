@@ -24,7 +24,7 @@ from castfem.physics.constitutive.parameters import law_from, problems_at
 from castfem.physics.constitutive.uniaxial import Tension, axial_stress, pull
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, History
-from castfem.runs.output.summary import Reference, Summary, compare
+from castfem.runs.output.summary_file import Reference, Summary, compare
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -135,7 +135,7 @@ def run(
         raise InputError(f"{folder}: a tensile test has no checkpoint; run without --resume")
     if comm is None or comm.size == 1:
         return _run(case, OutputFolder(folder), 1)
-    from castfem.fem.root import on_root
+    from castfem.fem.rank_zero import on_root
 
     summary = on_root(comm, lambda: _run(case, OutputFolder(folder), comm.size))
     found: Summary = comm.bcast(summary)

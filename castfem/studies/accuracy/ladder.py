@@ -17,7 +17,7 @@ from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_quantity import Quantity
 from castfem.model import Case
 from castfem.runs.output.history import HISTORY_NAME, read_columns
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.labels import quantities_at
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.sizes import AXES, COUPLING, MESH, STEP

@@ -33,7 +33,7 @@ from castfem.model import Case, read_case
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.folder import ERROR_NAME
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import SUMMARY_NAME, Summary
+from castfem.runs.output.summary_file import SUMMARY_NAME, Summary
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.estimate import Estimate, estimate
 

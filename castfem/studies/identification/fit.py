@@ -26,7 +26,7 @@ from scipy.stats import t as student
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.types import Array, Flags
-from castfem.physics.constitutive.curves import SQRT3
+from castfem.physics.constitutive.flow_curves import SQRT3
 from castfem.studies.identification.measured import Indices, TensileData, read_tensile
 from castfem.studies.identification.result import NAMES, Fit, IdentifiedLaw
 

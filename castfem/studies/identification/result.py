@@ -14,8 +14,8 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.libraries import own_style
 from castfem.base.tables import Constant, Table
 from castfem.base.types import Array
-from castfem.physics.constitutive.curves import modified_norton_hoff
 from castfem.physics.constitutive.elasticity import Curve, Elasticity
+from castfem.physics.constitutive.flow_curves import modified_norton_hoff
 from castfem.physics.constitutive.hardening_laws import NortonHoff
 from castfem.studies.identification.measured import TensileData
 

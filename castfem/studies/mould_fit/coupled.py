@@ -23,8 +23,8 @@ from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.tables import Constant, Table, as_function
 from castfem.base.types import Array
-from castfem.model.build_mould import nominal_mould
 from castfem.model.cooling import MOULD, Contact
+from castfem.model.mould_from_case import nominal_mould
 from castfem.model.wall_shape import WallShape
 from castfem.physics.mould.displaced import DisplacedMould, WallDisplacement
 from castfem.physics.mould.hot.copper import CONDUCTIVITY, EXPANSION, POISSON, STIFFNESS, Copper

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 from castfem.model.build.simulation import Simulation, build
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.surface_maps import SurfaceLine
@@ -19,7 +19,7 @@ from castfem.runs.results.wall_flux import surface_flux
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.runs.output.summary import Summary
+    from castfem.runs.output.summary_file import Summary
     from castfem.runs.results.run_state import RunState
     from castfem.runs.results.sample import Sample
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from castfem.base.atomic_files import Closing
 from castfem.base.errors import RunFailure, shown
 from castfem.base.result_registry import smooth_twins
-from castfem.model.load import changed, from_document
-from castfem.model.shipped_cases import as_case
+from castfem.model.load import as_case, changed, from_document
 from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.fidelity import at_level, idealised

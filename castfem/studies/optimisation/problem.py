@@ -327,7 +327,7 @@ class DesignProblem:
         Args:
             ideal: Run in the idealised mould, to whose strand tapers are fitted.
         """
-        from castfem.model.build_mould import build_mould
+        from castfem.model.mould_from_case import build_mould
         from castfem.studies.mould_fit.ideal_taper import fitted_tapers
 
         def mould_of(shares: Array) -> Mould:

@@ -23,7 +23,7 @@ from castfem.model.key_names import full_key
 from castfem.model.load import portable
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.folder import PROPERTIES_NAME, RunRecord
-from castfem.runs.output.summary import CUT, Summary
+from castfem.runs.output.summary_file import CUT, Summary
 from castfem.studies.sensitivity.result import Slopes, read_slopes
 from castfem.studies.sweep.plan import Variant, run_name
 from castfem.studies.sweep.record import (

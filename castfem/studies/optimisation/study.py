@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.errors import InputError
-from castfem.model.shipped_cases import as_case
+from castfem.model.load import as_case
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.result import RunResult
+from castfem.runs.run_result import RunResult
 from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.evaluator import Ended, Evaluator

@@ -12,7 +12,7 @@ import numpy as np
 from castfem.base.atomic_files import saving
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 from castfem.model.build.simulation import Simulation
 from castfem.physics.coupling.staggered import StrandState
 from castfem.runs import restart

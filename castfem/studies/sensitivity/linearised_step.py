@@ -18,10 +18,10 @@ from castfem.fem import dof_values, reductions
 from castfem.physics.constitutive.base import ResponseChange
 from castfem.physics.contact.linearised import ContactChanges, GivenChanges, LinearisedContact
 from castfem.physics.contact.state import CONTACT
-from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.force_operators import ForceOperators
-from castfem.physics.mechanics.planes import ScaledPlanes
+from castfem.physics.mechanics.generalized_plane_strain import ScaledPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.studies.sensitivity.law_changes import LawChanges
 from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides, slope_by_temperature
 from castfem.studies.sensitivity.step_inputs import Beginning, Slopes

@@ -25,11 +25,11 @@ from castfem.base.types import Array
 from castfem.fem import dof_values, reductions
 from castfem.model.build.mechanics import make_slice
 from castfem.model.build.simulation import Simulation, case_steel
-from castfem.model.build_machine import build_machine
+from castfem.model.machine_from_case import build_machine
 from castfem.physics.contact.linearised import WallMet
 from castfem.physics.contact.state import CONTACT
-from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.force_operators import ForceOperators
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.state import MechanicalState
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.studies.sensitivity.linearised_step import LinearisedStep

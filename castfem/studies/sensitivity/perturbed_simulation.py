@@ -19,7 +19,7 @@ from castfem.model.build.simulation import (
     starting_temperature,
     stations,
 )
-from castfem.model.build_machine import build_machine
+from castfem.model.machine_from_case import build_machine
 from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Cooling
 from castfem.physics.thermal.problem import Stage

@@ -17,9 +17,9 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.base import ResponseChange
 from castfem.physics.contact.linearised import GivenChanges, LinearisedContact, WallMet
 from castfem.physics.contact.state import CONTACT
-from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.material_points import FedPoints
 from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.studies.sensitivity.step_inputs import Beginning
 
 SIGNS = (1.0, -1.0)  # above and below a parameter

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from castfem.base import log
 from castfem.base.atomic_files import plain, write_json
 from castfem.base.errors import InputError
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 from castfem.model import Case
 from castfem.model.build.simulation import Simulation, build
 from castfem.runs.interrupt import Interrupt, Stopped

@@ -21,7 +21,7 @@ from castfem.runs import existing_run
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import derived
 from castfem.runs.results.labels import quantities_at
 from castfem.studies.sweep.plan import Variant

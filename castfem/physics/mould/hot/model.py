@@ -13,7 +13,7 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import RunFailure
 from castfem.base.tables import Constant, Table
 from castfem.base.types import Array
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 from castfem.meshes.tube import TubeMesh, graded, tube
 from castfem.physics.mould.displaced import WallDisplacement
 from castfem.physics.mould.hot.conduction import Conduction, FaceLoad, Heated

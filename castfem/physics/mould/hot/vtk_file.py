@@ -8,7 +8,7 @@ import numpy as np
 
 from castfem.base.atomic_files import replacing
 from castfem.base.types import Indices
-from castfem.fem.root import on_root
+from castfem.fem.rank_zero import on_root
 from castfem.physics.mould.hot.model import HotWall
 
 

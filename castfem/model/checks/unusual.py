@@ -14,17 +14,18 @@ from castfem.base import ranges
 from castfem.base.constants import ROUNDING
 from castfem.base.tables import Table
 from castfem.base.units import convert, format, in_mm
+from castfem.model.base import Faults
 from castfem.model.case import Case
 from castfem.model.casting import Start
-from castfem.model.check_cooling import law_groups
-from castfem.model.checks import Faults, caution, own_caution
+from castfem.model.checks.cooling import law_groups
+from castfem.model.checks.registry import caution, own_caution
 from castfem.model.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.model.extraction import COUPLED, Extraction
 from castfem.model.mechanics import Coupling, Mechanics, Way
 from castfem.model.mould import Mould
 from castfem.model.problems import Problem
 from castfem.physics.materials.phase_table import PhaseTable
-from castfem.physics.thermal.sprays import CORRELATIONS
+from castfem.physics.thermal.spray_correlations import CORRELATIONS
 
 if TYPE_CHECKING:
     from castfem.model.base import TableModel

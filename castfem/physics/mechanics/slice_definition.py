@@ -15,7 +15,7 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import Law
 from castfem.physics.contact.settings import SurfaceInteraction
-from castfem.physics.mechanics.planes import PlainPlanes, Planes, TimeHistory
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes, Planes, TimeHistory
 from castfem.physics.mechanics.quadrature_rules import Integration
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
 

@@ -14,9 +14,9 @@ from castfem.base.types import Array, Indices
 from castfem.fem import reductions
 from castfem.fem.bordered_system import BorderedSystem
 from castfem.physics.mechanics.fields import Fields
+from castfem.physics.mechanics.generalized_plane_strain import Planes, ScaledPlanes
 from castfem.physics.mechanics.interactions import Interactions
 from castfem.physics.mechanics.kinematics import Kinematics
-from castfem.physics.mechanics.planes import Planes, ScaledPlanes
 from castfem.physics.mechanics.scaling import Scales
 from castfem.physics.mechanics.state import MechanicalState
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.base.errors import InputError
-from castfem.base.types import Array, Flags
+from castfem.base.types import Array
 from castfem.fem import dof_values
 from castfem.model.quality import FEEDING, Feeding
 from castfem.physics.materials import hot_tearing as laws
 from castfem.physics.materials.hot_tearing import MushyHistory
+from castfem.runs.results.crack_state import Tearing
 from castfem.runs.results.thermal_quantities import temperature_at
 
 if TYPE_CHECKING:
@@ -23,47 +24,10 @@ if TYPE_CHECKING:
     from castfem.physics.coupling.staggered import StrandState
     from castfem.physics.materials import Steel
     from castfem.physics.materials.curve import ThermalCurve
-    from castfem.physics.mechanics.state import MechanicalState
     from castfem.runs.results.mechanical import MechanicalSampler
 
 NEAR = 1e-6  # K: temperatures this close to a reaction belong to it
 _NAME = "hot_tearing"  # prefix of array names in a checkpoint
-
-
-@dataclass(frozen=True, slots=True)
-class Tearing:
-    """Values of the criteria at the owned vertices after a step; its arrays are never modified."""
-
-    history: MushyHistory  #: history of each vertex in the mushy zone
-    width: float  #: width of the brittle range, K
-    mushy: float  #: temperature range of the stress relief before it, K
-    law: laws.CriticalStrain  #: parameters of the criterion "won"
-    feeding: laws.Feeding | None  #: parameters of the criterion "rdg"; None without it
-    enthalpy: Array  #: at the vertices, J/m3
-    rate: Array  #: rate of the enthalpy at the end of the step, W/m3
-    strain: Array  #: at the deviator's points, Mandel (n, 4); empty without mechanics
-    here: Flags  #: whether each vertex was in the brittle range within the step
-    passed: Flags  #: whether it has left the range
-    mechanical: MechanicalState | None = None  #: of the slice; None without mechanics
-
-    def won(self) -> Array:
-        """Strain across the dendrites in the range so far over the critical one (n,)."""
-        history = self.history
-        return laws.won_damage(history.strain, history.vulnerable, self.width, self.law)
-
-    def clyne_davies(self) -> Array:
-        """Time in the range over that before it (n,); 0 before the end of the range."""
-        found = laws.clyne_davies(self.history.vulnerable, self.history.relief)
-        return np.where(self.passed, found, 0.0)
-
-    def rdg(self) -> Array:
-        """Pressure drop from mean values on the way, Pa (n,); 0 before the end of the range."""
-        assert self.feeding is not None
-        history = self.history
-        time = history.relief + history.vulnerable
-        cooling = self.mushy / np.where(time > 0.0, time, np.inf)
-        drop = self.feeding.pressure_drop(history.strain_rate(), history.gradient(), cooling)
-        return np.where(self.passed, drop, 0.0)
 
 
 class Follower:

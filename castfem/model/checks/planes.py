@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
+from castfem.model.base import Faults
 from castfem.model.case import Case
-from castfem.model.check_cooling import unknown_groups
-from castfem.model.checks import Faults, check, given
+from castfem.model.checks.cooling import unknown_groups
+from castfem.model.checks.registry import check, given
 from castfem.model.machine import thickness_of
-from castfem.model.mechanics import AXES, FREE, GeneralizedPlaneStrain, GivenDisplacement
+from castfem.model.mechanics import (
+    FREE,
+    GeneralizedPlaneStrain,
+    GivenDisplacement,
+    axis_position,
+    places_of,
+)
 from castfem.model.section import Strip
 
 # Keys of a strand bent by its machine, with the value that means the same as leaving the key out (a
 # file that extends another one cannot remove a key).
 _ITS_OWN = {"neutral_axis": FREE, "closing": "tangential", "force_contains_bending": False}
 _IMPOSED = ("a1", "a2", "across", "moment_x", "moment_y")
-
-
-def axis_position(given: Any, thickness: float) -> float | None:
-    """Return the position of a neutral axis, m from the middle inwards; None if it is free."""
-    if given is None or given == FREE:
-        return None
-    return AXES[given] * thickness if isinstance(given, str) else float(given)
-
-
-def places_of(given: Any) -> tuple[Any, ...]:
-    """Return the positions of the neutral axis in a case: one, or both of a table."""
-    return tuple(given.values()) if isinstance(given, Mapping) else (given,)
 
 
 @check()

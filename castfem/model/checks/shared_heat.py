@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 from castfem.base.tables import Table
 from castfem.base.units import convert, format
-from castfem.model.build_machine import build_machine
+from castfem.model.base import Faults
 from castfem.model.case import Case
-from castfem.model.check_cooling import law_groups
-from castfem.model.checks import Faults, caution
+from castfem.model.checks.cooling import law_groups
+from castfem.model.checks.registry import caution
 from castfem.model.cooling import Contact, Flux
 from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
+from castfem.model.machine_from_case import build_machine
 
 SPEED_KEY = "casting.speed"
 

@@ -1,4 +1,4 @@
-"""Builds the wall that [mould] describes, and checks that it fits the section."""
+"""Checks of [mould] against the section."""
 
 from __future__ import annotations
 
@@ -6,74 +6,23 @@ import math
 from collections.abc import Iterator
 
 from castfem.base.constants import ROUNDING
-from castfem.base.tables import Table, as_function
+from castfem.base.tables import Table
 from castfem.base.units import in_mm
-from castfem.model.base import Unreadable
+from castfem.model.base import Faults, Unreadable
 from castfem.model.case import Case
-from castfem.model.checks import Faults, caution, check
+from castfem.model.checks.registry import caution, check
 from castfem.model.mould import Mould
-from castfem.model.section import Mesh, Section, Strip
+from castfem.model.mould_from_case import (
+    SIZES,
+    build_mould,
+    hot_lengths,
+    wall_cavity,
+    wall_expansion,
+    wall_tapers,
+)
+from castfem.model.section import Section, Strip
 from castfem.physics import mould as wall
 from castfem.physics.mould.taper import TaperProfile
-
-SIZES = ("width", "height", "diameter", "corner_radius")
-"""Keys of [mould] that are sizes of the cavity."""
-
-
-def build_mould(table: Mould, section: Section) -> wall.Mould:
-    """Return the wall that [mould] describes.
-
-    A size that is left out is that of the strand at the meniscus, at working temperature: the
-    liquid fills the cavity.
-
-    Raises:
-        ValueError: The section has no mould, or the taper does not fit it; the text says why.
-    """
-    expansion = _expansion(table)
-    hot = 1.0 if expansion is None else expansion.factor(0.0)
-    tapers = _tapers(table)
-    temperature = None if table.wall_temperature is None else as_function(table.wall_temperature)
-    if table.displacement is not None:
-        cavity = _cavity(table, section, hot)
-        return wall.DisplacedMould(cavity, table.length, tapers, table.displacement, temperature)
-    return wall.Mould(_cavity(table, section, hot), table.length, tapers, temperature, expansion)
-
-
-def _expansion(table: Mould) -> wall.Expansion | None:
-    if table.condition == "working" or table.displacement is not None:
-        return None
-    copper = table.copper
-    mean = table.wall_temperature if copper.temperature is None else copper.temperature
-    if mean is None:
-        raise ValueError(
-            'a cold mould needs its temperature at work: wall_temperature = "160 degC"'
-        )
-    return wall.Expansion(copper.expansion, copper.cold, as_function(mean))
-
-
-def _cavity(table: Mould, section: Section, hot: float) -> wall.Cavity:
-    """Return the cavity with its sizes at the meniscus; `hot` is hot over cold lengths."""
-
-    def size(name: str) -> float:
-        given = getattr(table, name, None)
-        return float(getattr(section, name) / hot if given is None else given)
-
-    return section.cavity(size, hot)
-
-
-def _tapers(table: Mould) -> wall.Tapers:
-    """Return the taper profiles; a face without its own taper has that of all faces, if any."""
-    profiles = {}
-    for name, given in table.taper.parts.items():
-        try:
-            profiles[name] = given.profile(table.length)
-        except ValueError as error:
-            raise ValueError(f"{error}" if name == "face" else f"{name}: {error}") from None
-    straight = wall.Taper.single(0.0, table.length)
-    face = profiles.get("face", straight)
-    return wall.Tapers(
-        profiles.get("narrow_face", face), profiles.get("wide_face", face), profiles.get("corner")
-    )
 
 
 @check("mould")
@@ -87,11 +36,6 @@ def _goes_with(case: Case, table: Mould) -> Faults:
     if getattr(section, "bulge", None) is not None and table.displacement is None:
         fix = 'mould.displacement = { file = "wall.csv" } (castfem section writes both)'
         yield "/section.bulge", f"the cavity must have the strand's outline, too: {fix}"
-
-
-def nominal_mould(table: Mould, section: Section) -> wall.Mould:
-    """Return the mould with sizes and taper as written: neither hot nor displaced."""
-    return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table))
 
 
 @check("mould")
@@ -136,15 +80,6 @@ def _widest_corner(table: Mould, section: Section, hot: float) -> float:
     return float((radius + grown) / hot)
 
 
-def hot_lengths(table: Mould) -> float | None:
-    """Return the ratio of hot to cold lengths at the meniscus, None if it cannot be computed."""
-    try:
-        expansion = _expansion(table)
-    except ValueError:  # reported by another check
-        return None
-    return 1.0 if expansion is None else expansion.factor(0.0)
-
-
 @check("mould")
 def _fits(case: Case, table: Mould) -> Faults:
     """Report why the mould cannot be built, unless another check reports it."""
@@ -153,12 +88,12 @@ def _fits(case: Case, table: Mould) -> Faults:
     if others or isinstance(section, Strip):
         return
     try:
-        _expansion(table)
+        wall_expansion(table)
         key = "taper"
-        _tapers(table)
+        wall_tapers(table)
         key = ""
         straight = wall.same(wall.Taper.single(0.0, table.length))
-        wall.Mould(_cavity(table, section, 1.0), table.length, straight)
+        wall.Mould(wall_cavity(table, section, 1.0), table.length, straight)
         key = "taper" if table.displacement is None else "displacement"
         build_mould(table, section)
     except ValueError as error:
@@ -176,17 +111,6 @@ def wider(case: Case, mould: Mould) -> Faults:
             fix = f"liquid fills its mould: give section.{name} the size of the cavity"
             at = f"the strand at the meniscus ({in_mm(own)})"
             yield name, f"({in_mm(size)}) leaves a gap to {at}, but {fix}"
-
-
-@caution("mesh")
-def _corner(case: Case, mesh: Mesh) -> Faults:
-    """Report cells that are too long to resolve a round corner."""
-    radius = getattr(case.section, "corner_radius", 0.0)
-    key = "surface_size" if mesh.corner_size is None else "corner_size"
-    size, most = getattr(mesh, key), radius / 6.0
-    if case.mould is not None and radius > 0.0 and size > most * (1.0 + ROUNDING):
-        fix = f"gap and shell may be wrong by a tenth; {_mm(most)} or less resolve it"
-        yield key, f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: {fix}"
 
 
 @caution("mould")

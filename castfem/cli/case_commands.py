@@ -211,3 +211,6 @@ def identify(
         raise InputError(f"{target}: cannot be drawn ({error.strerror})") from None
     print(found.report())
     print(f"law in {target}, drawn in {picture}")
+
+
+COMMANDS = mesh, mould, section, machine, strand, material, identify

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.constants import ROUNDING
 from castfem.base.result_registry import probe_label
 from castfem.base.shown_quantity import si_unit
 from castfem.base.types import Array
@@ -23,74 +22,18 @@ from castfem.runs.output.surface_maps import (
     SurfaceMap,
 )
 from castfem.runs.results.crack_index import BENDS, CrackIndex, SliceStep, declared_indexes
+from castfem.runs.results.crack_quantities import POOL
+from castfem.runs.results.crack_state import QualityState, TimedStrains, Worst
 from castfem.runs.results.needs import are_met
-from castfem.runs.results.quality_quantities import POOL
 from castfem.runs.results.thermal_quantities import temperature_at
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
     from castfem.physics.coupling.staggered import StrandState
-    from castfem.runs.results.hot_tearing import Follower, Tearing
+    from castfem.runs.results.hot_tearing_tracking import Follower
     from castfem.runs.results.mechanical import MechanicalSampler
 
 EVERY = 4  # the maps over the depth have every fourth sample along a line
-TimedStrains = tuple[float, float, float, float]
-"""Time (s), and the generalized strains a0 - 1, a1, a2."""
-
-
-@dataclass(frozen=True, slots=True)
-class Worst:
-    """The largest value of an index, with its place and time."""
-
-    value: float = 0.0  #: in SI
-    x: float = 0.0  #: on the undeformed section, m
-    y: float = 0.0  #: on the undeformed section, m
-    time: float = 0.0  #: s
-    position: float = 0.0  #: m
-
-
-@dataclass(frozen=True, slots=True)
-class QualityState:
-    """State of the indexes at one time; its arrays are never modified."""
-
-    line: SurfaceLine  #: the surface
-    caster: Stations  #: the rolls
-    time: float = -1.0  #: s; -1 before the first sample
-    temperature: Array = field(default_factory=lambda: np.zeros(0))  #: at the owned vertices, K
-    strain_history: tuple[TimedStrains, ...] = ()  #: generalized strains over the last roll pitch
-    #: the sample from which rates are computed, and those since: time, temperature at the owned
-    #: vertices, K
-    recent: tuple[tuple[float, Array], ...] = ()
-    #: values of each index at the owned vertices
-    values: Mapping[str, Array] = field(default_factory=dict)
-    largest: Mapping[str, Worst] = field(default_factory=dict)  #: largest values at this time
-    worst: Mapping[str, Worst] = field(default_factory=dict)  #: largest values since the meniscus
-    #: largest values in bending and straightening, if the slice has come there
-    in_phase: Mapping[str, Mapping[str, Worst]] = field(default_factory=dict)
-    #: temperature on the centre line, K; NaN in a section without a probe to the centre
-    centre: float = np.nan
-    #: on the centre line; None in a section without a probe to the centre
-    solid_fraction: float | None = None
-    #: by solid fraction the position at which the centre line reached it, m
-    passed: Mapping[float, float] = field(default_factory=dict)
-    #: values of the hot tearing criteria; None if the case names none
-    tearing: Tearing | None = None
-
-    def words(self, worst: Worst | None) -> str:
-        """Where an index was largest: place, position, roll, time, phase; "" if always zero."""
-        if worst is None or not worst.value > 0.0:
-            return ""
-        vertex = self.line.at(worst.x, worst.y)
-        off = self.line.place[vertex] - (worst.x, worst.y)
-        on = np.abs(off).max() <= ROUNDING * np.ptp(self.line.place)
-        depth = f"{1e3 * self.line.depth(worst.x, worst.y):.3g} mm deep"
-        place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm, {depth}"
-        where = self.line.words(vertex) if on else place
-        return f"{where}, {self.caster.words(worst.position, worst.time)}"
-
-    def within(self, phase: str, index: str) -> Worst | None:
-        """The largest value of an index in a phase; None before that phase."""
-        return self.in_phase.get(phase, {}).get(index)
 
 
 class QualitySampler:
@@ -132,7 +75,7 @@ class QualitySampler:
         self._least = 0.2 * window
         self._follower: Follower | None = None
         if self.settings.hot_tearing:
-            from castfem.runs.results.hot_tearing import Follower
+            from castfem.runs.results.hot_tearing_tracking import Follower
 
             self._follower = Follower(simulation, mechanics)
         none = np.zeros(section.owned)

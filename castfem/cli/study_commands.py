@@ -190,3 +190,6 @@ def caster(**given: Any) -> None:
     from castfem.cli.caster import CasterRequest, caster_of_case
 
     caster_of_case(asked(CasterRequest, **given))
+
+
+COMMANDS = sweep, error, optimise, calibrate, sensitivity, caster

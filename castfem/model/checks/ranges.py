@@ -14,9 +14,9 @@ from castfem.base.quantities import Kind, Notation
 from castfem.base.ranges import Bounds
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import convert, format
-from castfem.model.base import TableModel, Unreadable, Variants
+from castfem.model.base import Faults, TableModel, Unreadable, Variants
 from castfem.model.case import Case
-from castfem.model.checks import Faults, caution, check
+from castfem.model.checks.registry import caution, check
 from castfem.model.mechanics import Way
 
 

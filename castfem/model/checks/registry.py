@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from castfem.base.errors import Path
-from castfem.model.base import FaultyError, Unreadable
+from castfem.model.base import Faults, FaultyError, Unreadable
 from castfem.model.problems import Problem
 
-Faults = Iterator[tuple[str, str]]
 Check = Callable[[Any, Any], Faults]
 CheckOfTable = TypeVar("CheckOfTable", bound=Check)
 

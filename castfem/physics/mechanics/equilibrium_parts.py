@@ -11,16 +11,16 @@ from castfem.base.types import Array
 from castfem.fem import dof_values
 from castfem.fem.section import Section
 from castfem.physics.contact.wall_contact import WallContact
-from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.fields import Fields
+from castfem.physics.mechanics.generalized_plane_strain import check_strains
 from castfem.physics.mechanics.interactions import Interactions
 from castfem.physics.mechanics.kinematics import LargeStrain, SmallStrain
 from castfem.physics.mechanics.liquid import FedLiquid
-from castfem.physics.mechanics.plane_equations import PlaneEquations
-from castfem.physics.mechanics.planes import check_strains
+from castfem.physics.mechanics.plane_equilibrium import PlaneEquations
 from castfem.physics.mechanics.quadrature import Points
 from castfem.physics.mechanics.quadrature_rules import Integration, displacement_element
 from castfem.physics.mechanics.scaling import Scales
+from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.supports import SPRING, Constraints, SurfaceLoads, symmetry_supports
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from castfem.base.types import Array, Indices
 from castfem.physics.thermal.flux_laws import SurfaceLaw
 from castfem.physics.thermal.mould_flux import with_slope
-from castfem.physics.thermal.sprays import Correlation
+from castfem.physics.thermal.spray_correlations import Correlation
 
 
 class Coefficient(Protocol):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from castfem.base.atomic_files import Closing
 from castfem.base.errors import InputError
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary_file import Summary
 
 if TYPE_CHECKING:
     import pandas

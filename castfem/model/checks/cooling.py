@@ -9,9 +9,9 @@ from castfem.base.constants import ROUNDING
 from castfem.base.errors import choices
 from castfem.base.tables import Table
 from castfem.base.units import format, in_mm, nearest
-from castfem.model.base import Unreadable
+from castfem.model.base import Faults, Unreadable
 from castfem.model.case import Case
-from castfem.model.checks import Faults, check, given, one_of, twice
+from castfem.model.checks.registry import check, given, one_of, twice
 from castfem.model.cooling import MOULD, Contact, Flux, PrescribedTemperature, Spray, Zone
 from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
 from castfem.model.mould import Mould

@@ -15,7 +15,13 @@ import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.physics.mechanics.planes import Bending, Planes, StepTaken, TimeHistory, zero
+from castfem.physics.mechanics.generalized_plane_strain import (
+    Bending,
+    Planes,
+    StepTaken,
+    TimeHistory,
+    zero,
+)
 
 if TYPE_CHECKING:
     from castfem.physics.machine.extraction.effort import Effort, Withdrawal

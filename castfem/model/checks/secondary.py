@@ -11,8 +11,8 @@ import numpy as np
 from castfem.base.errors import choices
 from castfem.base.types import Array
 from castfem.base.units import format, in_mm, nearest
-from castfem.model.base import Unreadable
-from castfem.model.checks import Faults, caution, check, given, one_of, twice
+from castfem.model.base import Faults, Unreadable
+from castfem.model.checks.registry import caution, check, given, one_of, twice
 from castfem.model.section import Rectangle
 from castfem.model.water import Supply
 
@@ -137,7 +137,7 @@ def _across(case: Case, circuit: Circuit) -> Faults:
 @check("secondary.circuit.*")
 def _between(case: Case, circuit: Circuit) -> Faults:
     """Report rows between rolls that do not exist, and sprays too long for their gap."""
-    from castfem.physics.machine.sprays import footprint, gap_below, longest_spray
+    from castfem.physics.machine.spray_layout import footprint, gap_below, longest_spray
 
     rolls, table = _rolls(case), case.secondary
     if rolls is None or table is None or not isinstance(case.section, Rectangle):
@@ -199,7 +199,7 @@ def _half(case: Case, circuit: Circuit) -> float:
 
 @caution("secondary.circuit.*")
 def _lost(case: Case, circuit: Circuit) -> Faults:
-    from castfem.physics.machine.sprays import footprint
+    from castfem.physics.machine.spray_layout import footprint
 
     assert case.secondary is not None
     model, places = case.secondary.model_of(circuit), _places(case, circuit)
@@ -211,8 +211,8 @@ def _lost(case: Case, circuit: Circuit) -> Faults:
 
 
 def _water(places: Array, circuit: Circuit, model: NozzleModel) -> Array:
-    from castfem.physics.machine.sprays import footprint
-    from castfem.physics.thermal.spray_water import water_across
+    from castfem.physics.machine.spray_layout import footprint
+    from castfem.physics.thermal.spray_flux import water_across
 
     width = footprint(circuit.stand_off, model.angle)
     return water_across(places, circuit.across, width, model.edge)
@@ -221,8 +221,8 @@ def _water(places: Array, circuit: Circuit, model: NozzleModel) -> Array:
 @caution("secondary.circuit.*")
 def _ranges(case: Case, circuit: Circuit) -> Faults:
     """Report water outside the range of the heat transfer coefficient of its nozzles."""
-    from castfem.physics.machine.sprays import footprint
-    from castfem.physics.thermal.sprays import CORRELATIONS, WATER_DENSITY
+    from castfem.physics.machine.spray_layout import footprint
+    from castfem.physics.thermal.spray_correlations import CORRELATIONS, WATER_DENSITY
 
     table = case.secondary
     assert table is not None
