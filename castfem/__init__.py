@@ -21,7 +21,7 @@ Packages, upstream first; each is independent of those after it (docs/architectu
     fem/            DOLFINx and PETSc, of any physics
     physics/        materials, constitutive laws, machine, mould, thermal, contact, mechanics,
                     coupling, closed_forms: one step of each problem at a time
-    model/          case files, checked (model/checks); model/build: from a case to the computing objects
+    model/          case files, checked (checks); model/build: from a case to computing objects
     runs/           output, results, tensile, caster; the time loop from the meniscus to the end
     studies/        several runs: identification, mould_fit, sensitivity, sweep, accuracy,
                     optimisation, calibration

@@ -175,7 +175,7 @@ EXTRA = {
     "optuna": "optimise",
     "pycalphad": "calphad",
 }  # imported where a case asks for it; the extra that brings it
-COMES_WITH = {"PIL": "matplotlib", "pydantic_core": "pydantic"}  # which stand on them
+COMES_WITH = {"PIL": "matplotlib", "pydantic_core": "pydantic", "llvmlite": "numba"}
 
 
 def imports(tree: ast.Module) -> Iterator[str]:
