@@ -118,6 +118,33 @@ def compared(
     return row
 
 
+def hirai_liquidus(carbon: float, manganese: float, silicon: float) -> float:
+    """Liquidus of steel by the formula of [Hirai1997], degC, of shares in wt%."""
+    return 1538.0 - 55.0 * carbon - 80.0 * carbon**2 - 13.0 * silicon - 4.8 * manganese
+
+
+def hirai_solidus(carbon: float, manganese: float, silicon: float) -> float:
+    """Solidus by the same: of delta ferrite, of the peritectic, of austenite, degC."""
+    drop = 20.5 * silicon + 6.5 * manganese
+    if carbon <= 0.09:
+        return 1538.0 - 478.0 * carbon - drop
+    return (1495.0 if carbon <= 0.17 else 1527.0 - 187.5 * carbon) - drop
+
+
+def published(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The built-in diagram beside published formulas: the steels of the first database."""
+    found = []
+    for row in rows:
+        if row["database"] == next(iter(FILES)):
+            analysis = row["C"], row["Mn"], row["Si"]
+            off = {"liquidus": hirai_liquidus(*analysis), "solidus": hirai_solidus(*analysis)}
+            found.append({key: row[key] for key in ("C", "Mn", "Si")} | {
+                f"{key}_{what}": value for key, formula in off.items()
+                for what, value in (("formula", formula), ("off", formula - row[key]))
+            })  # fmt: skip
+    return found
+
+
 def largest(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Largest differences of the diagram from the databases, by what else is in the steel."""
     found = []
@@ -207,6 +234,7 @@ def main(output: Output, quick: bool) -> None:
     files = {name: Path(os.environ[key]) for name, key in FILES.items() if key in os.environ}
     output.csv("grades_diagram", diagram({} if quick else files))
     output.csv("grades_largest", largest(output.rows("grades_diagram")))
+    output.csv("grades_published", published(output.rows("grades_diagram")))
     output.csv("grades_data", data(quick))
     show(output)
 
@@ -226,6 +254,11 @@ def show(output: Output) -> None:
         "solidus": ("solidus [K]", ".1f"), "gamma": ("γ from [K]", ".1f"),
         "delta_end": ("δ to [K]", ".1f"), "solid": ("solid fraction", ".3f"),
         "liquidus_regression": ("liquidus by regression [K]", ".1f"),
+    })  # fmt: skip
+    page.table("grades published", output.rows("grades_published"), {
+        "C": ("C [wt%]", ".2f"), "Mn": ("Mn [wt%]", ".1f"), "Si": ("Si [wt%]", ".1f"),
+        "liquidus_formula": ("liquidus [°C]", ".1f"), "liquidus_off": ("less ours [K]", "+.1f"),
+        "solidus_formula": ("solidus [°C]", ".1f"), "solidus_off": ("less ours [K]", "+.1f"),
     })  # fmt: skip
     page.table("grades data", output.rows("grades_data"), {
         "case": "case", "datum": "datum", "shell": ("shell, mid-face [%]", "+.1f"),

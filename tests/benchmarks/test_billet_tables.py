@@ -249,6 +249,24 @@ def test_the_largest_difference_of_a_diagram_is_told_by_database_and_manganese()
     assert [one["liquidus_regression"] for one in found] == [11.0, 10.5]
 
 
+def test_a_published_formula_is_as_near_as_the_page_says() -> None:
+    rows = Output().rows("grades_published")
+    made = grades.published(Output().rows("grades_diagram"))
+    assert len(rows) == len(made) == 24
+    assert all(a == pytest.approx(b, abs=1e-4) for a, b in zip(rows, made, strict=True))
+    # By hand: 0.25 % C, 1.4 % Mn, 0.3 % Si.
+    (one,) = [r for r in rows if (r["C"], r["Mn"]) == (0.25, 1.4)]
+    assert one["liquidus_formula"] == pytest.approx(1538 - 13.75 - 5.0 - 3.9 - 6.72)
+    assert one["solidus_formula"] == pytest.approx(1527 - 46.875 - 6.15 - 9.1)
+    for row in rows:
+        assert abs(row["liquidus_off"]) < (2.0 if row["C"] <= 0.25 else 5.0)
+        assert abs(row["solidus_off"]) < (7.1 if (row["C"], row["Mn"]) in FAR else 4.0)
+
+
+FAR = ((0.1, 1.4), (0.12, 1.4))
+"""Carbon and manganese of the steels whose solidus is 7 K off."""
+
+
 def test_curves_of_a_caster_are_compared_where_both_are_known() -> None:
     fine = np.arange(5.0), np.array([np.nan, 1.0, 4.0, 3.0, 9.0])
     coarse = np.array([1.0, 3.0, 4.0]), np.array([1.0, 3.0, np.nan])
