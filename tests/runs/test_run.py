@@ -223,8 +223,8 @@ loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
 parts = (
     *(f"castfem.physics.{name}" for name in ("mechanics", "constitutive", "contact")),
     *(f"castfem.physics.machine.{name}" for name in
-      ("rolls", "extraction", "bulging", "stations", "sprays")),
-    *(f"castfem.runs.results.{name}" for name in ("probes", "quality")),
+      ("rolls", "extraction", "bulging", "stations", "spray_layout")),
+    *(f"castfem.runs.results.{name}" for name in ("probes", "crack_tracking")),
     "castfem.physics.thermal.spray_flux", "castfem.model.build.secondary", "castfem.studies",
     "castfem.runs.output.surface_maps",
 )

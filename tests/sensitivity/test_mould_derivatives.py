@@ -383,7 +383,7 @@ def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(
 
     with monkeypatch.context() as earlier:
         earlier.setattr(CoupledCheckpoint, "is_whole", staticmethod(of_earlier))
-        with pytest.raises(InputError, match=r"an earlier castfem .* without --resume"):
+        with pytest.raises(InputError, match=r"an earlier castfem, .* without --resume"):
             castfem.sensitivities(
                 opening, "mould.taper", ",".join(READ), folder=tmp_path, resume=True
             )

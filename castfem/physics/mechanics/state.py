@@ -55,7 +55,7 @@ class Balance:
     #: int sigma_zz da (N), and its moments with x and y (N m), (3,): left-hand side of (38)
     axial: Array
     #: largest residual in a test direction of the planes, including the restraint before there is a
-    #: shell (`plane_equations`), over the sum of the absolute forces
+    #: shell (`plane_equilibrium`), over the sum of the absolute forces
     axial_error: float
     #: largest residual of a free node, relative to the force of the mean stress there
     forces_error: float

@@ -15,7 +15,7 @@ where freezing is isothermal dtheta/dH = 0: there y = 0, and the balance of the 
 On rectangles and Delaunay triangles, and where the flux
 grows with the temperature, the Jacobian is an M-matrix with dominant columns for every step and
 every freezing range, so the stage has one solution; where the flux falls (boiling) a long stage may
-have several, see `branch`.  Newton's method on H (not on T) has no difficulty with isothermal
+have several, see `unique_root`.  Newton's method on H (not on T) has no difficulty with isothermal
 freezing.  Other quadrilaterals, as they stand round an arc, give L some positive entries off its
 diagonal, up to 7 % of it, and the shear of the shell as many as it has strain; there the maximum
 principle holds but for hundredths of a kelvin (docs/thermal.md).
