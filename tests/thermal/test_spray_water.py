@@ -39,7 +39,7 @@ def test_a_table_is_bilinear_and_held_at_its_ends() -> None:
     at = np.array([[5.0, 900.0], [2.5, 700.0], [10.0, 1100.0], [5.0, 1400.0], [12.0, 400.0]])
     expected = [400.0, 0.25 * 1300.0, 675.0, 350.0, 1500.0]
     assert TABLE(at[:, 0], at[:, 1]) == pytest.approx(expected)
-    with pytest.raises(ValueError, match="increase"):
+    with pytest.raises(ValueError, match="increasing"):
         CoefficientTable((1.0, 1.0), (0.0, 1.0), ((0, 0), (0, 0)))
     with pytest.raises(ValueError, match="each temperature"):
         CoefficientTable((1.0, 2.0), (0.0, 1.0), ((0, 0, 0), (0, 0, 0)))
