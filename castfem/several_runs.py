@@ -121,8 +121,7 @@ def sweep(
 
     Returns:
         One row per run, by its name: the varied values, as written; `status` ("finished" or
-            "failed"),
-        the results in SI by name, `seconds`, and the `message` of a failed run.
+        "failed"), the results in SI by name, `seconds`, and the `message` of a failed run.
 
     Raises:
         InputError: Keys, values or folder cannot be used; no run has been made.
@@ -253,7 +252,7 @@ def optimise(
     Returns:
         The optimal values with their intervals, the results there and the active bounds, on all
         ranks; its `status` says whether the constraints are met. `case.with_(best.changes())`
-            applies it.
+        applies it.
 
     Raises:
         InputError: Case or folder cannot be used, or the case has no [optimise].
