@@ -138,7 +138,7 @@ class Table:
         )
         raise ValueError(
             f"the table goes from {low} to {high} {kind.shown}, "
-            f"needed {least} to {most} {kind.shown}"
+            f"but values from {least} to {most} {kind.shown} are needed"
         )
 
 
