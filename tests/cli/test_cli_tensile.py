@@ -240,7 +240,7 @@ def test_identify_replaces_no_file_unasked(castfem, tmp_path):
     target.write_text("mine")
     outcome = castfem("identify", tensile_file(tmp_path), "-o", target, "--softening", "none")
     assert outcome.status == 1
-    assert "law.toml: is there" in outcome.err and "--overwrite" in outcome.err
+    assert "law.toml: exists already" in outcome.err and "--overwrite" in outcome.err
     assert target.read_text() == "mine"
     outcome = castfem("identify", tensile_file(tmp_path), "-o", target, "--overwrite")
     assert outcome.status == 0 and "norton_hoff" in target.read_text()
