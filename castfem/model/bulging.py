@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -10,9 +10,6 @@ from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Tabled
 from castfem.model.base import TableModel
-
-if TYPE_CHECKING:
-    pass
 
 Model = Literal["creep", "elastic", "thesis", "none"]
 MODELS: tuple[Model, ...] = get_args(Model)

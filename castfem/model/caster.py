@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -22,9 +22,6 @@ from castfem.base.tables import ARGUMENTS, Table
 from castfem.model.base import TableModel
 from castfem.model.mechanics import Way, WindowMark
 from castfem.model.probe import Pyrometer
-
-if TYPE_CHECKING:
-    pass
 
 EVENT = "event"
 _FLOW = Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min")

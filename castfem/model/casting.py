@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
@@ -17,9 +17,6 @@ from castfem.model.base import TableModel
 from castfem.model.probe import Probe
 from castfem.physics.machine.travel import Changing, Steady, Travel
 from castfem.physics.materials.phase_table import Request, Scheil
-
-if TYPE_CHECKING:
-    pass
 
 ThermalField = Literal["temperature", "solid_fraction"]
 MechanicalField = Literal[

@@ -5,7 +5,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -13,9 +13,6 @@ from castfem.base.quantities import Kind, OrWord
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Tabled
 from castfem.model.base import TableModel
-
-if TYPE_CHECKING:
-    pass
 
 COUPLED = "coupled"
 ResistanceOverPosition = Annotated[

@@ -28,14 +28,11 @@ from castfem.model.checks import (  # noqa: F401 - each enters its checks here
     optimise,
     planes,
     probe,
-    quality,
     ranges,
     secondary,
     section,
     shared_heat,
-    thermal,
     unusual,
-    water,
 )
 from castfem.model.checks.registry import check, check_test
 from castfem.model.problems import Problem

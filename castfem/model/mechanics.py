@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -21,9 +21,6 @@ from castfem.base.units import parse_any
 from castfem.model.base import OneWord, TableModel, written
 from castfem.model.bulging import MODELS, Bulging
 from castfem.model.thermal import PetscOption
-
-if TYPE_CHECKING:
-    pass
 
 FREE = "free"
 _TIME, _LENGTH = Kind("s", "s", above=0.0), Kind("m", "mm", above=0.0)

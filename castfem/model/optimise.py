@@ -7,15 +7,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from castfem.base import units
 from castfem.model.base import TableModel
-
-if TYPE_CHECKING:
-    pass
 
 Sense = Literal["at_least", "at_most"]
 _SENSES: dict[str, Sense] = {">=": "at_least", "≥": "at_least", "<=": "at_most", "≤": "at_most"}

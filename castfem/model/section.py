@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -18,10 +18,6 @@ from castfem.base.table_notation import Curve
 from castfem.base.tables import Tabled
 from castfem.model.base import TableModel, Variants, written
 from castfem.physics import mould as wall
-
-if TYPE_CHECKING:
-    pass
-
 
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""

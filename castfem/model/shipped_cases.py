@@ -5,13 +5,9 @@ from __future__ import annotations
 import importlib.resources
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.base.units import nearest
-
-if TYPE_CHECKING:
-    pass
 
 CASE_NAME = "case.toml"
 """The resolved case in the folder of a run."""

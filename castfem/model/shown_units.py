@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from castfem.base import units
 from castfem.base.errors import InputError
@@ -17,9 +17,6 @@ from castfem.base.shown_units import (
     is_chosen,
     scale_of,
 )
-
-if TYPE_CHECKING:
-    pass
 
 
 def faults(choice: ShownUnits) -> Iterator[tuple[str, str]]:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from castfem.base.quantities import PositiveDifference, Time
 from castfem.model.base import Faults, TableModel, written
-
-if TYPE_CHECKING:
-    pass
 
 
 def _scalar(value: Any) -> Any:

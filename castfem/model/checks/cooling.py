@@ -1,8 +1,9 @@
-"""Checks of the cooling: its zones, the laws on the surface, the wall of the mould."""
+"""Checks of the cooling: zones and their laws, the wall of the mould, [water], [thermal]."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from castfem.base.constants import ROUNDING
@@ -15,7 +16,9 @@ from castfem.model.checks.registry import check, given, one_of, twice
 from castfem.model.cooling import MOULD, Contact, Flux, PrescribedTemperature, Spray, Zone
 from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
 from castfem.model.mould import Mould
-from castfem.model.section import Section
+from castfem.model.section import Section, Strip
+from castfem.model.thermal import Adaptive, Stepping, Thermal, Verification, negative_options
+from castfem.model.water import Water
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 
 
@@ -266,3 +269,89 @@ def unknown_groups(on: tuple[str, ...] | None, known: tuple[str, ...]) -> Faults
         if not name or not any(group.startswith(name) for group in known):
             fix = f"allowed: {choices(known)} or how they begin{nearest(name, known)}"
             yield "on", f'no boundary group "{name}" on this section; {fix}'
+
+
+@check("thermal")
+def _solver(case: Any, thermal: Thermal) -> Faults:
+    yield from negative_options(thermal.solver)
+
+
+@check("thermal.time")
+def _one_stepping(case: Any, time: Stepping) -> Faults:
+    yield from one_of(time, {"step": '"50 ms"', "adaptive": "{}"})
+
+
+@check("thermal.time.adaptive")
+def _bounds(case: Any, bounds: Adaptive) -> Faults:
+    if not bounds.smallest <= bounds.first <= bounds.largest:
+        ends = f"smallest ({bounds.smallest:g} s) <= first ({bounds.first:g} s)"
+        yield "", f"{ends} <= largest ({bounds.largest:g} s) does not hold"
+
+
+@check("verification")
+def _is_that_case(case: Case, table: Verification) -> Faults:
+    """Report differences between the case and that of its closed form."""
+    key, name = "closed_form", table.closed_form
+    if not isinstance(case.section, Strip):
+        yield key, f'("{name}") is for a half-space: give section.shape = "strip"'
+    laws = [law for zone in case.cooling for law in zone.surface]
+    if len(laws) != 1 or not isinstance(laws[0], PrescribedTemperature):
+        fix = 'give one cooling zone with one law = "temperature"'
+        yield key, f'("{name}") is for a surface held at one temperature: {fix}'
+    if name != "weiner_boley":
+        return
+    if case.mechanics is None:
+        yield key, f'("{name}") is for stress: give the table [mechanics]'
+    elif case.mechanics.law != name:
+        yield key, f'("{name}") needs its own law: give mechanics.law = "{name}"'
+    elif case.mechanics.strain != "small":
+        yield key, f'("{name}") is for small strains: give mechanics.strain = "small"'
+    elif case.coupling.follow_shape:
+        yield key, f'("{name}") is for the undeformed slice: give coupling.follow_shape = false'
+    elif case.coupling.dissipation:
+        yield key, f'("{name}") has no heat of flow: give coupling.dissipation = 0'
+
+
+_SAMPLES = {
+    "water": '"5 L/(m^2 s)"', "flow": '"240 L/min"', "specific": '"0.3 L/kg"', "share": "0.3",
+}  # fmt: skip
+
+
+@check("water")
+def _total(case: Case, water: Water) -> Faults:
+    yield from one_of(water, {"specific": '"0.8 L/kg"', "flow": '"1200 L/min"'})
+
+
+@check()
+def _told(case: Case, _: object) -> Faults:
+    """Report water that is given twice or not at all."""
+    for key, place in _places(case):
+        ways = {way: text for way, text in _SAMPLES.items() if way in type(place).model_fields}
+        for below, text in one_of(place, ways):
+            yield key + below, text
+        if getattr(place, "area", None) is not None and given(place, "water"):
+            yield f"{key}.area", "is the sprayed area of the water of a zone; water is per area"
+
+
+@check()
+def _shares(case: Case, _: object) -> Faults:
+    shares = [(key, place.share) for key, place in _places(case) if place.share is not None]
+    whole = sum(share for _, share in shares)
+    if case.water is None:
+        for key, _ in shares:
+            fix = 'add [water] with specific = "0.8 L/kg" or flow = "1200 L/min"'
+            yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
+    elif not shares:
+        yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
+    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares have three digits
+        yield "water", f"the shares of its zones and circuits make {whole:.6g}, not 1"
+
+
+def _places(case: Case) -> Iterator[tuple[str, Any]]:
+    """Sprays of zones, and circuits."""
+    for i, zone in enumerate(case.cooling):
+        for j, law in enumerate(zone.surface):
+            if law.tag == "spray":
+                yield f"cooling.{i}.surface.{j}", law
+    for i, circuit in enumerate(case.secondary.circuit if case.secondary is not None else ()):
+        yield f"secondary.circuit.{i}", circuit
