@@ -176,9 +176,11 @@ def fit(
     spread = math.sqrt(float(found.fun @ found.fun) / left) if left else math.nan
     half, correlation = _uncertainty(found.jac, spread, left, errors_known)
     held = np.minimum(found.x, 1.0 - found.x) < SETTINGS.near
-    first_values, moved, best = low + size * begin, given != begin, low + size * found.x
-    columns = (one.tolist() for one in (first_values, moved, best, size * half, held))
-    fitted = tuple(Fitted(*one) for one in zip(keys, *columns, strict=True))
+    first_values, values, moved = low + size * begin, low + size * found.x, given != begin
+    columns = zip(keys, first_values, moved, values, size * half, held, strict=True)
+    fitted = tuple(
+        Fitted(k, float(a), bool(m), float(b), float(c), bool(d)) for k, a, m, b, c, d in columns
+    )
     return Fit(fitted, correlation, first, np.asarray(found.fun), spread, bool(found.status > 0))
 
 
