@@ -42,6 +42,7 @@ class Progress:
         self._begun = self._next_picture = self._last_line = 0.0
         self._next_share = _SHARE
         self._steps = self._newton = 0
+        self._lined = -1  # steps at the last line
         self._state = (0.0, 0, 0.0, "")
         self._pace: tuple[float, float] | None = None
         self._told = False
@@ -53,6 +54,7 @@ class Progress:
         self._next_picture = 0.0
         self._next_share = _mark_after(_share(position, total_length))
         self._steps = self._newton = 0
+        self._lined = -1
         self._pace, self._told = None, False
         if self._shown and self._terminal:
             self._bar = _bar(self._unit)
@@ -116,7 +118,8 @@ class Progress:
             self._draw()
             self._bar.stop()
             self._bar = None
-        self._line(time.perf_counter())
+        if self._lined != self._steps:
+            self._line(time.perf_counter())
         self._total = 0.0
 
     def _draw(self) -> None:
@@ -130,6 +133,7 @@ class Progress:
         """Log a line; only to the file while a bar is drawn, or if quiet."""
         share = _share(self._position, self._total)
         self._last_line = now
+        self._lined = self._steps
         self._next_share = _mark_after(share)
         time_s, _, step, note = self._state
         elapsed = now - self._begun

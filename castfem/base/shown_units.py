@@ -216,7 +216,7 @@ def place_said(position: float, *, near: str = ".6g", far: str = ".4g", beyond: 
     return said(1e3 * position, "mm", near, "position")
 
 
-def below_meniscus(position: float, digits: str = ".6g") -> str:
+def below_meniscus(position: float, digits: str = ".4g") -> str:
     """A position [m] for labels and messages, in documented units: mm, from 10 m on m."""
     near = position < _FAR
     return f"{1e3 * position if near else position:{digits}} {'mm' if near else 'm'} {_BELOW}"

@@ -176,11 +176,7 @@ def _name_of(unit: pint.Unit) -> str:
     """Return the quantity of a unit ("length"), "" if it has no common name."""
     registry = _registry()
     for si, (name, _) in NAMES.items():
-        if si == "1":
-            known = unit.dimensionless
-        else:
-            known = registry.parse_units(si).dimensionality == unit.dimensionality
-        if known:
+        if si != "1" and registry.parse_units(si).dimensionality == unit.dimensionality:
             return name
     return ""
 
@@ -222,8 +218,11 @@ def _conversion(
         fix = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
         if meant := _meant(unit, example, target):
             fix = f"; did you mean {meant}?"
-        found = _name_of(parsed)
-        problem = f"is the unit of {_a(found)}" if found else "does not fit"
+        if parsed.dimensionless:
+            problem = "has no dimension"
+        else:
+            found = _name_of(parsed)
+            problem = f"is the unit of {_a(found)}" if found else "does not fit"
         raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{fix}")
     if str(parsed) in _OFFSET_SCALES:
         if difference:

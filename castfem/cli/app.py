@@ -32,7 +32,9 @@ _TERMINAL, _LINES = 1.0, 10.0  # s between two updates: at a terminal, and elsew
 @click.option("--overwrite/--no-overwrite", help="Replace a run of another case in the folder.")
 @click.option("--profile/--no-profile", help="Print the time spent in each part of the run.")
 @quiet
-@click.option("--verbose", "-v", count=True, help="Print more, with tracebacks of errors.")
+@click.option(
+    "--verbose", "-v", count=True, show_default=False, help="Print more, with tracebacks of errors."
+)
 def run(quiet: bool, verbose: int, **given: Any) -> None:
     """Run a case. Under mpirun it runs on all ranks."""
     from castfem.cli.running import Options, run_case

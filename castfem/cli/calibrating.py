@@ -150,6 +150,11 @@ def _words(found: Calibration, target: Path) -> list[str]:
             f"(root of the mean square of {len(mine)})"
         )
     for f in fit.keys:
+        if f.moved:
+            lines.append(
+                f"{f.free.key}: the case's value lies outside these bounds; the fit starts, and "
+                f'"before" is, at {f.start:.5g} {unit_shown(f.free.unit)}'.rstrip()
+            )
         if f.held:
             lines.append(f"{f.free.key}: held by its bound; its interval says little")
         elif not math.isfinite(f.interval):

@@ -70,7 +70,11 @@ def mould(
 @command("section billet125/idealised")
 @case_name
 @output("Picture, or a folder for it; by default <name>_section.png.")
-@click.option("--at", help="Position of the required section; by default the end of the mould.")
+@click.option(
+    "--at",
+    metavar="POSITION",
+    help="Position of the required section; by default the end of the mould.",
+)
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
     """Find the outline at the meniscus that gives the case's section further down."""
@@ -128,7 +132,12 @@ def material(
 @command('strand results/slab1200/reference --every "50 mm"')
 @folder("Folder of a run.")
 @output("File; by default strand.vtu in DIR.")
-@click.option("--every", default="100 mm", help="Largest length of the cells along the strand.")
+@click.option(
+    "--every",
+    default="100 mm",
+    metavar="LENGTH",
+    help="Largest length of the cells along the strand.",
+)
 def strand(folder: Path, output: Path | None, every: str) -> None:
     """Write the slices of a run, stacked along its caster, for ParaView."""
     from castfem.model import load_case

@@ -118,10 +118,13 @@ def _contact_changes(found: Sensitivity, name: str) -> str:
     if not met:
         return ""
     x, y = (said(1e3 * part, "mm", ".4g") for part in met[0].place)
+    many = f"{met[0].points} points of the surface are"
+    points = many if met[0].points > 1 else "a point of the surface is"
+    windows = f"{len(met)} windows" if len(met) > 1 else "one window"
     return (
-        f"by {name}: {met[0].points} points of the surface are about to touch the mould or to "
+        f"by {name}: {points} about to touch the mould or to "
         f"leave it {place_said(met[0].position)} below the meniscus (x = {x}, y = {y}), "
-        f"in {len(met)} windows of the run: "
+        f"in {windows} of the run: "
         "results that depend on them have the derivative to one side"
     )
 
@@ -143,9 +146,10 @@ def _cut(found: Sensitivity) -> str:
     """Return that windows were shortened, which the derivatives keep fixed; "" if none was."""
     if not found.cut:
         return ""
+    times = "once" if found.cut == 1 else f"{found.cut} times"
     return (
-        f"coupling windows were cut for their error {found.cut} times on the way to "
-        f"{found.windows}; similar runs cut the same windows, but where another one is cut, "
+        f"coupling windows were cut for their error {times} on the way to {found.windows}; "
+        "similar runs cut the same windows, but where another one is cut, "
         "results jump within that error, which no derivative shows; with coupling.window_error = "
         '"500 K" none is cut, and a shorter coupling.interval makes them as accurate'
     )

@@ -94,7 +94,8 @@ class RollDefect(Defect):
     def problems(self, machine: Machine, circuits: Sequence[Circuit], pairs: int) -> Faults:
         """See `Defect`."""
         if self.roll > pairs:
-            yield "roll", f"({self.roll}): the machine has {pairs} pairs, numbered from 1"
+            fix = f"the machine has {pairs} pairs, numbered from 1"
+            yield "roll", f"({self.roll}) does not exist; {fix}"
 
 
 class Locked(RollDefect):

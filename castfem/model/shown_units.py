@@ -26,7 +26,7 @@ def faults(choice: ShownUnits) -> Iterator[tuple[str, str]]:
         if usual is None:
             known = (*KINDS, "system", *(d.name for d in declared()), *result_names())
             near = units.nearest(name, known) or f"; what is measured is {', '.join(KINDS)}"
-            yield name, f"is neither what is measured nor a quantity of a run{near}"
+            yield name, f"is no kind of quantity and no result of a run{near}"
             continue
         if coherent(usual) == "1":
             yield name, "is a plain number or a percentage, which has no other unit"

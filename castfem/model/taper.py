@@ -197,7 +197,8 @@ def _value(given: object) -> float:
     if slope := _SLOPE.fullmatch(str(given)):
         size = f"{abs(float(slope[1])) * 100.0:g} mm"
         raise ValueError(
-            f"write %/m, of the size of the section: {slope[1]} mm/m of {size} is 1 %/m"
+            "write it in percent of the section's size per metre: "
+            f"{slope[1]} mm/m is 1 %/m of a section of {size}"
         )
     value = TAPER.read(given)
     if abs(value) > 0.5:

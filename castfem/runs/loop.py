@@ -185,7 +185,7 @@ class TimeLoop:
 
     def _whereabouts(self) -> str:
         run = self.run_state
-        return f"{below_meniscus(run.position, '.4g')} ({run.state.time:.4g} s)"
+        return f"{below_meniscus(run.position)} ({run.state.time:.4g} s)"
 
     def _record(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
         run = self.run_state

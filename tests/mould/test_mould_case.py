@@ -204,7 +204,7 @@ MISTAKES = {
     "a slope": (
         'taper = "1.8 mm/m"',
         "mould.taper",
-        ["write %/m, of the size of the section: 1.8 mm/m of 180 mm is 1 %/m"],
+        ["percent of the section's size per metre: 1.8 mm/m is 1 %/m of a section of 180 mm"],
     ),
     "slip": ('taper = "1 %/mm"', "mould.taper", ["is 1000 %/m", "at most 50 %/m"]),
     "half a parabola": ('taper = { top = "1 %/m" }', "mould.taper", ["'exit' is missing"]),

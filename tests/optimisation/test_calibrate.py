@@ -65,8 +65,11 @@ def test_stated_errors_are_taken_at_their_word() -> None:
 
 
 def test_a_bound_holds() -> None:
-    slope, _ = line(bounds=2.5).keys
+    slope, offset = line(bounds=2.5).keys
     assert slope.value == pytest.approx(2.5, abs=0.01) and slope.held
+    assert not slope.moved and not offset.moved
+    slope, offset = line(bounds=0.5).keys
+    assert slope.moved and slope.start == 0.5 and not offset.moved
 
 
 def test_keys_that_the_data_do_not_tell_apart() -> None:
@@ -141,6 +144,10 @@ def test_a_case_finds_the_coefficient_of_its_twin(
     assert np.abs(np.diff(after)).max() < 1.0 < np.abs(np.diff(before)).max()
     assert along.get_title() == "surface, mid-face" and against.get_xlabel() == "measured [°C]"
     assert float(drawn[1].axes[0].yaxis.get_major_formatter()(1000.0)) == pytest.approx(1832.0)
+    assert "outside these bounds" not in text
+    calibrate_case(*words[:2], [f"{key}=1700..4000 W/(m^2 K)"], twin / "fit", processes=0)
+    starts = 'outside these bounds; the fit starts, and "before" is, at 1700 W/(m² K)\n'
+    assert f"{key}: the case's value lies {starts}" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

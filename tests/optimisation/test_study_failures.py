@@ -92,7 +92,7 @@ def test_failed_runs_are_said_beside_what_was_found():
     runs, said = found.runs, [block for block in report(found) if isinstance(block, str)]
     assert 0 < runs["failed"] < runs["search"] and runs["looked_at"] <= runs["search"]
     assert f"{runs['failed']} of the {runs['search']} runs by default failed" in said[0]
-    assert any(f"{runs['looked_at']} when the search ended (optimise.most_runs)" in x for x in said)
+    assert any(f"{runs['looked_at']} of the search (limit: optimise.most_runs)" in x for x in said)
 
 
 def test_what_cannot_be_met_from_a_start_among_failures():

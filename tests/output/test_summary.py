@@ -64,6 +64,8 @@ def test_references_that_do_not_fit_get_a_note_and_spoil_nothing():
     misspelt, wrong = compare(references, quantities)
     assert misspelt.missing == "no such quantity; did you mean shell?"
     assert wrong.missing == "s is not a unit of it; it is in mm"
+    (beyond,) = compare([Reference("metallurgical_length", 13.0, "m", "C")], quantities)
+    assert beyond.missing == "not a result of this run"
     content = plain(Summary("t", "finished", quantities, (misspelt, wrong)).to_json())
     assert [row["ours"] for row in content["references"]] == [None, None]
 

@@ -22,7 +22,7 @@ from castfem.post.plots.caster_view import draw_caster, mirrored, view_of
 from castfem.post.plots.figures import draw_figures
 from castfem.post.plots.maps import band_norm, draw_maps, edges, index_colours, temperature_colours
 from castfem.post.plots.secondary import close_by, faces_met
-from castfem.post.plots.style import Abscissa, look
+from castfem.post.plots.style import Abscissa, look, render
 from castfem.runs.loop import run
 from castfem.runs.output.folder import ALL_FIGURES, OutputFolder
 from castfem.runs.output.surface_maps import Heading, MapWriter, SurfaceMaps
@@ -154,9 +154,12 @@ def test_every_roll_is_drawn(maps: SurfaceMaps) -> None:
 def test_the_worst_place_is_named_where_it_may_be_out_of_sight(maps: SurfaceMaps) -> None:
     with look():
         figure = draw_caster(maps)
-    assert figure is not None and "I1" in maps.names()
+        assert figure is not None and "I1" in maps.names()
+        render(figure)
     row, vertex = np.unravel_index(int(maps["I1"].argmax()), maps["I1"].shape)
-    (title,) = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    (named,) = [axes.title for axes in figure.axes if axes.get_title().strip()]
+    assert 0.0 < named.get_window_extent().y0 < named.get_window_extent().y1 < figure.bbox.height
+    title = named.get_text()
     face = maps.heading.line.words(int(vertex))
     assert title.startswith(f"largest: {face}, ")
     number, unit = title.rsplit(", ", 1)[1].split()

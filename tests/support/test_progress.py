@@ -48,6 +48,7 @@ def test_plain_lines_every_five_percent(capsys, clock):
     _advance(Progress(terminal=False), clock, 1000, 100.0)
     lines = capsys.readouterr().err.splitlines()
     assert 20 <= len(lines) <= 21
+    assert len(set(lines)) == len(lines)
     assert lines[0].startswith("  5 %  0.030 of 0.600 m  t = 0.500 s  step 10 ms")
     assert "Newton 3.0 a step" in lines[0]
     assert "elapsed 0:05  left 1:35  mould" in lines[0]

@@ -95,6 +95,7 @@ def test_difference_of_temperatures_is_written_in_kelvin():
         (None, "m", "a length is needed"),
         ("-300 degC", "K", "absolute zero"),
         ("5 m", "1", "number without unit is needed"),
+        ("2 %", "m", "'%' has no dimension, a length is needed"),
     ],
 )
 def test_refused(text, unit, said):

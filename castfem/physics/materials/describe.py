@@ -26,6 +26,11 @@ _STATUS = {
 }
 
 
+def property_label(key: str) -> str:
+    """Return the name of a property of a set, as text shows it."""
+    return next((label for name, label, *_ in _LABELS if name == key), key.replace("_", " "))
+
+
 def describe_steel(steel: Steel) -> list[tuple[str, str]]:
     """Return labels and values that describe a steel, with units.
 

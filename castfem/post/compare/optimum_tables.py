@@ -215,8 +215,8 @@ def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
     if optimum.checked not in ("", finest):
         checked += f" (the best run fails by {finest})"
     yield (
-        f"{runs['all']} runs: {runs['looked_at']} when the search ended (optimise.most_runs), "
-        f"{further} about the optimum, by other levels and for what else was asked"
+        f"{runs['all']} runs: {runs['looked_at']} of the search (limit: optimise.most_runs), "
+        f"{further} about the optimum, at other levels of accuracy and for further questions"
     )
     best = optimum.best or "made elsewhere"
     yield f"{checked}; {optimum.seconds:.0f} s of runs; best run: {best}"

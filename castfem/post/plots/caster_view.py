@@ -154,6 +154,7 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
     from matplotlib.collections import PolyCollection
 
     options: dict[str, Any]
+    largest = " "  # as high as the other title, so that the bars are level
     if name == "temperature":
         values, label = maps[name] - ZERO_CELSIUS, "temperature [°C]"
         low, high = (end - ZERO_CELSIUS for end in maps.heading.band)
@@ -168,7 +169,7 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
         options = {"cmap": colours, "clim": (0.0, float(values.max()) or 1.0)}
         row, vertex = np.unravel_index(int(values.argmax()), values.shape)  # may be hidden
         where = f"{maps.heading.line.words(int(vertex))}, {place_said(maps.position[row])}"
-        panel.set_title(f"largest: {where}", fontsize=8.5)
+        largest = f"largest: {where}"
     _draw_rolls(panel, view, inner=False)
     corners: Any = view.corners
     strand = PolyCollection(corners, array=shown, edgecolors="face", linewidths=0.3, **options)
@@ -189,6 +190,8 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
     bar = figure.colorbar(
         strand, ax=panel, orientation="horizontal", shrink=0.75, pad=0.02, label=label
     )
+    # A title of the panel has no room in the layout, which does not know its equal scales.
+    bar.ax.set_title(largest, fontsize=8.5)
     if name == "temperature":
         bar.set_ticks(band_ticks(strand.norm))
 

@@ -70,7 +70,8 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bo
         for table in balance_tables(summary):
             say(out, table, "")
         say(out, *_liquid_left(summary))
-        say(out, *cautions(path, summary), style="yellow")
+        told = cautions(path, summary)
+        say(out, *told, *([""] if told else []), style="yellow")
         if not (path / HISTORY_NAME).is_file():
             text = "is missing: no figures over time and no remarks"
             say(out, f"{path / HISTORY_NAME} {text}", style="yellow")

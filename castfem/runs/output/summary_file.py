@@ -33,7 +33,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from castfem.base import units
+from castfem.base import result_registry, units
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity, from_si, si_shown, to_si, unit_of_difference
@@ -243,14 +243,16 @@ def compare(
 ) -> tuple[Comparison, ...]:
     """Look up the computed value of each reference.
 
-    A reference to an unknown quantity, or one of another dimension, gives a comparison that says
-    what is missing: a finished run is not discarded for it.
+    A reference to a quantity that the run does not have, or one of another dimension, gives a
+    comparison that says what is missing: a finished run is not discarded for it.
     """
     found = []
     for reference in references:
         quantity = quantities.get(reference.quantity)
         if quantity is None:
-            note = "no such quantity" + units.nearest(reference.quantity, quantities)
+            note = "not a result of this run"
+            if result_registry.find(reference.quantity) is None:
+                note = "no such quantity" + units.nearest(reference.quantity, quantities)
             found.append(Comparison(reference, missing=note))
         elif quantity.unit != reference.unit:
             note = f"{reference.shown_unit} is not a unit of it; it is in {quantity.shown_unit}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from castfem.base.constants import same_instant
 from castfem.base.shown_quantity import Quantity
 from castfem.model import Case
+from castfem.physics.materials.describe import property_label
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 from castfem.runs.output.summary_file import CUT, Comparison, Reference, Summary, Zone, compare
 from castfem.runs.results.labels import resolved
@@ -64,7 +65,7 @@ def _unchecked(simulation: Simulation) -> tuple[str, ...]:
     }
     sources: dict[str, list[str]] = {}
     for key, source in found.items():
-        sources.setdefault(source or "no source given", []).append(key.replace("_", " "))
+        sources.setdefault(source or "no source given", []).append(property_label(key))
     return tuple(f"{', '.join(keys)}: {source}" for source, keys in sources.items())
 
 

@@ -193,7 +193,7 @@ def read_share(text: str) -> float:
     except ValueError:
         share = math.nan
     if not percent or rest or not 0.0 < share < 1.0:
-        raise InputError(f"--to {text}: write it in percent, such as 1%")
+        raise InputError(f"--to {text}: write it in percent, above 0 and below 100, such as 1%")
     return share
 
 

@@ -82,6 +82,7 @@ class Fitted:
 
     free: Free
     start: float
+    moved: bool  #: whether the case's value lies outside the bounds, of which `start` is one
     value: float
     interval: float  #: half the 95 % interval; NaN if the data do not determine it
     held: bool  #: whether it is at a bound, so that the interval means little
@@ -159,7 +160,8 @@ def fit(
         base, *moved = residuals([at(point), *(at(point + step) for step in np.diag(steps))])
         return np.column_stack([(m - base) / s for m, s in zip(moved, steps, strict=True)])
 
-    begin = np.clip((np.asarray(start, float) - low) / size, 0.0, 1.0)
+    given = (np.asarray(start, float) - low) / size
+    begin = np.clip(given, 0.0, 1.0)
     (first,) = residuals([at(begin)])
     if len(first) < p:
         raise InputError(
@@ -174,8 +176,11 @@ def fit(
     spread = math.sqrt(float(found.fun @ found.fun) / left) if left else math.nan
     half, correlation = _uncertainty(found.jac, spread, left, errors_known)
     held = np.minimum(found.x, 1.0 - found.x) < SETTINGS.near
-    columns = zip(keys, low + size * begin, low + size * found.x, size * half, held, strict=True)
-    fitted = tuple(Fitted(k, float(a), float(b), float(c), bool(d)) for k, a, b, c, d in columns)
+    first_values, values, moved = low + size * begin, low + size * found.x, given != begin
+    columns = zip(keys, first_values, moved, values, size * half, held, strict=True)
+    fitted = tuple(
+        Fitted(k, float(a), bool(m), float(b), float(c), bool(d)) for k, a, m, b, c, d in columns
+    )
     return Fit(fitted, correlation, first, np.asarray(found.fun), spread, bool(found.status > 0))
 
 

@@ -242,7 +242,7 @@ def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -
             if not same_instant(kept[-1][1], its, end):
                 raise InputError(
                     f"{parameter.name}: it moves one of two changes that meet "
-                    f"{below_meniscus(simulation.machine.position(one), '.4g')}: the run has no "
+                    f"{below_meniscus(simulation.machine.position(one))}: the run has no "
                     "derivative there; move one of them, or the end of the run"
                 )
             continue
