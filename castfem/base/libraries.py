@@ -22,6 +22,7 @@ from typing import Any
 _LAST = ("dolfinx", "petsc4py")
 _AT_FIRST_USE = "dolfinx.utils"  # imports numba (0.4 s, 55 MB); only for scripts of users
 _ALL = (*_LAST, "mpi4py", "ufl", "basix")
+_COMPILER = "numba"  # looked up only where nothing is compiled yet
 HOW = (
     'install DOLFINx by `pip install "castfem[solver]"` (Python 3.12 or newer, Linux, x86-64), '
     "`apt install python3-dolfinx-real` (Debian 13) or "
@@ -34,7 +35,7 @@ class _Watch:
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """See `importlib.abc.MetaPathFinder`."""
-        if name != _AT_FIRST_USE and name not in _ALL:
+        if name not in (_AT_FIRST_USE, _COMPILER, *_ALL):
             return None
         others = [finder for finder in sys.meta_path if finder is not self]
         if name == _AT_FIRST_USE:
@@ -44,7 +45,8 @@ class _Watch:
                 spec.loader = LazyLoader(spec.loader)
             return spec
         if not any(finder.find_spec(name, None) for finder in others):
-            raise ModuleNotFoundError(f"this Python has no {name}: {HOW}", name=name)
+            how = "`pip install numba` (it compiles the laws)" if name == _COMPILER else HOW
+            raise ModuleNotFoundError(f"this Python has no {name}: {how}", name=name)
         if name in _LAST:
             _load_earlier()
         return None

@@ -35,14 +35,20 @@ _OF_NUMBA = ("numba_", "NRT_")
 _REFUSED = 'define void @"{}"() {{ call void @llvm.trap() unreachable }}'
 
 
-def addresses(*arrays: NDArray[Any]) -> list[int]:
+def addresses(*arrays: NDArray[Any], of: type = float) -> list[int]:
     """Where arrays lie in memory, for as long as they are there.
 
+    Args:
+        arrays: Arrays that compiled code reads or writes.
+        of: Type of their numbers; the code would go beyond shorter ones.
+
     Raises:
-        ValueError: One is not in one piece.
+        ValueError: One is not in one piece, or of other numbers.
     """
     if not all(array.flags.c_contiguous for array in arrays):
         raise ValueError("an array for compiled code must be in one piece")
+    if others := {str(array.dtype) for array in arrays if array.dtype != of}:
+        raise ValueError(f"an array for compiled code is of {', '.join(others)}, not {of.__name__}")
     return [array.ctypes.data for array in arrays]
 
 
@@ -140,13 +146,15 @@ def _linked(made: Any, name: str, folder: Path) -> bytes:
 
 def _kept(content: bytes, path: Path, other: Path) -> Path:
     """Write a library where it is kept, or, where that is not possible, into another folder."""
+    new = path.with_name(f"{path.stem}.{platform.node()}-{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        new = path.with_name(f"{path.stem}.{platform.node()}-{os.getpid()}")
         new.write_bytes(content)
         os.replace(new, path)
         return path
     except OSError as error:
+        with suppress(OSError):  # a part of it, on a full disk
+            new.unlink()
         logger.debug("%s: not kept (%s)", path, error)
         library = other / path.name
         library.write_bytes(content)

@@ -147,7 +147,7 @@ _GOES_ON = {
 }
 """How to continue an interrupted command, by its name."""
 HINT = " (repeat with -v and add the traceback)"
-_ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "h5py", "gmsh")
+_ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "h5py", "gmsh", "numba")
 
 
 def _status(error: Exception) -> int:

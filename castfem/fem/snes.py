@@ -159,9 +159,11 @@ def _read(name: str) -> bool:
 
 def _refused(prefix: str, options: Options, message: str) -> str:
     """PETSc's message about a value, after the options that have it (all, if it does not say)."""
-    reason = re.sub(r"^\[\d+\] ", "", message.splitlines()[-1])
+    reason = re.sub(r"^\[\d+\] ", "", message.splitlines()[-1]).rstrip(".")
     meant = {
-        k: v for k, v in options.items() if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason)
+        k: v
+        for k, v in options.items()
+        if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason, re.IGNORECASE)
     }
     named = ", ".join(f'{k} = "{v}"' for k, v in (meant or options).items())
     what = prefix.rstrip("_")
@@ -253,6 +255,7 @@ class SnesSolver:
         self._options = SolverOptions(prefix, options, asked)
         self._options.apply(self.snes, ksp, ksp.getPC())
         named = options if asked is None else asked
+        self._prefix, self._asked = prefix, {k: v for k, v in options.items() if k in named}
         asked_for = "ksp_rtol" in named or PETSc.Options().hasName(prefix + "ksp_rtol")
         self._reduction = None if asked_for else reduction
         self._names = _reason_names()
@@ -309,15 +312,22 @@ class SnesSolver:
         return int(reasons.ITERATING)
 
     def solve(self) -> SolveResult:
-        """Solve from the values in `x`, in place; never raises if it does not converge."""
+        """Solve from the values in `x`, in place; never raises if it does not converge.
+
+        Raises:
+            InputError: PETSc cannot do what an option asks for.
+        """
         self._history = []
         self._raised, self._given_up = None, False
         with self.watch.section("petsc"), self._options.given():
             try:
                 self.snes.solve(None, self.x)
-            except PETSc.Error:
+            except PETSc.Error as error:
                 if self._raised is None:
-                    raise
+                    if not self._asked:
+                        raise
+                    # What PETSc cannot do is told of only here: ILU of several ranks' matrix, say.
+                    raise InputError(_refused(self._prefix, self._asked, str(error))) from error
                 raise self._raised from None  # for example Ctrl-C in the middle of a solve
         reason = self.snes.getConvergedReason()
         if self._given_up:

@@ -74,6 +74,18 @@ def test_a_correction_that_is_hopeless_ends_the_solve() -> None:
     assert one.x.getArray() == pytest.approx([2.0] * 3, rel=1e-12)
 
 
+def test_what_petsc_cannot_do_is_told_with_the_option() -> None:
+    """It finds out only when it factors: it has no ILU of a matrix of several ranks."""
+    problem = Square(2.0)
+    problem.matrix.convert("mpiaij")
+    snes = solver(problem, pc_type="ilu", snes_max_it=9)
+    snes.x.set(1.0)
+    told = r'square solver, pc_type = "ilu": PETSc refuses: .*ILU and matrix type mpiaij; its'
+    with pytest.raises(InputError, match=told):
+        snes.solve()
+    snes.destroy()
+
+
 def test_every_option_reaches_snes_ksp_and_pc() -> None:
     snes = solver(
         Square(2.0),

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.base import shared_code
+from castfem import cli
+from castfem.base import libraries, shared_code
 from castfem.physics.constitutive import kernel
 from castfem.physics.constitutive.kernel.calling import SOURCES, integrate_points
 from castfem.physics.machine.bulging import layer_steps
@@ -114,6 +115,30 @@ def test_without_a_place_or_a_compiler_each_process_compiles(
     assert not list(tmp_path.rglob("*.so"))
 
 
+def test_a_place_that_takes_no_library_is_left_as_it_was(tmp_path: Path, made: list[float]) -> None:
+    """A folder stands where the library should; what was written beside it goes again."""
+    answer(tmp_path, made)
+    path = library(tmp_path)
+    path.unlink()
+    path.mkdir()
+    for _ in range(2):
+        assert answer(tmp_path, made) == [20.0, 60.0]
+    assert len(made) == 3
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_without_numba_it_is_said_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hook = libraries._Watch()
+    assert hook.find_spec("numba") is None  # others find it
+    monkeypatch.setattr(sys, "meta_path", [hook])
+    with pytest.raises(ModuleNotFoundError, match="no numba: `pip install numba`") as found:
+        hook.find_spec("numba")
+    assert cli.report(found.value) == 2
+    assert capsys.readouterr().err == f"castfem: {found.value}\n"
+
+
 def test_what_is_compiled_is_made_of_the_files_it_is_found_by() -> None:
     """What it took from elsewhere could change unseen."""
     known = {f"castfem.base.{one}" for one in ("compiled", "shared_code", "types")}
@@ -162,6 +187,13 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
     turned[0] = np.zeros((4, 3)).T
     with pytest.raises(ValueError, match="in one piece"):
         integrate_points(0, False, *given, *turned)
+    for i, kind in ((0, np.float32), (1, ">f8"), (3, complex), (4, float)):
+        other = out(3)
+        other[i] = other[i].astype(kind)
+        with pytest.raises(ValueError, match=f"is of {np.dtype(kind)}, not (float|bool)"):
+            integrate_points(0, False, *given, *other)
+    with pytest.raises(ValueError, match="needs 8 coefficients a point, not 7"):
+        integrate_points(0, False, z((3, 7)), *given[1:], *out(3))
     closed = out(3)
     closed[3].flags.writeable = False
     with pytest.raises(ValueError, match="closed"):

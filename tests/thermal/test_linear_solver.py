@@ -11,10 +11,13 @@ import pytest
 from small_case import small
 
 from castfem import meshes
+from castfem.base.errors import InputError
 from castfem.base.types import Array
+from castfem.model.build.law import try_solver
 from castfem.model.build.simulation import build
 from castfem.physics.thermal import flux_laws
-from castfem.physics.thermal.problem import FACTORED, ITERATED, OF_STEP, TIGHT, ThermalProblem
+from castfem.physics.thermal.operators import FACTORED, ITERATED
+from castfem.physics.thermal.problem import OF_STEP, TIGHT, ThermalProblem
 from thermal.setups import ThermalSetup, constant_steel
 
 STEEL = constant_steel(1725.0, 1775.0, datum=1815.0)
@@ -125,6 +128,27 @@ def test_where_iterating_fails_it_factorises() -> None:
     assert FACTORED in failing.problem._solvers
     one, other = (s.state.point.temperature for s in (failing, sound))
     assert np.abs(one - other).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("snes_type", "newtontr"), ("snes_type", "ngmres"), ("snes_linesearch_type", "bt")],
+)
+def test_methods_that_multiply_by_the_matrix_are_refused(name: str, value: str) -> None:
+    """They take it for that of the enthalpy, and end at the first step."""
+    with pytest.raises(InputError, match=rf'{name} = "{value}": needs the matrix of the enthalpy'):
+        cooled(1.0, **{name: value})
+    given = {"thermal.solver": {name: value}}
+    with pytest.raises(InputError, match=r"give (newtonls|basic or l2 or cp)"):
+        try_solver("thermal", small(given).thermal.solver)
+
+
+@pytest.mark.parametrize("search", ["l2", "cp"])
+def test_line_searches_by_the_residual(search: str) -> None:
+    searched, plain = cooled(1.0, snes_linesearch_type=search), cooled(1.0)
+    one, other = (s.state.point.temperature for s in (searched, plain))
+    assert np.abs(one - other).max() < 1e-6
+    assert FACTORED not in searched.problem._solvers
 
 
 @pytest.mark.parametrize("step", [1e3, 1e5])

@@ -79,15 +79,15 @@ def try_solver(table: str, options: Options) -> None:
         options: The user's options.
 
     Raises:
-        InputError: An option belongs to no family that PETSc knows, or PETSc rejects its value.
+        InputError: An option belongs to no family that PETSc knows, PETSc rejects its value, or
+            the solver cannot use it.
     """
-    from castfem.fem.snes import try_options
-
     if table == "thermal":
-        from castfem.physics.thermal.operators import default_options
+        from castfem.physics.thermal.operators import iterative_options
 
-        try_options("thermal_", {**default_options(1), **options})
+        iterative_options(1, options)
         return
+    from castfem.fem.snes import try_options
     from castfem.physics.mechanics.newton import split_options
 
     nonlinear, linear = split_options(options, symmetric=False)

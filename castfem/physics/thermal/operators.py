@@ -10,12 +10,17 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.fem.compat import assemble_matrix, assemble_owned, without_zeros
 from castfem.fem.section import Section
+from castfem.fem.snes import Options, try_options
 from castfem.forms.heat import conduction, conduction_moved, slice_measure, storage, storage_measure
 from castfem.physics.thermal.deformed_section import Shape
 
+ITERATED, FACTORED = "thermal_", "thermal_direct_"  # prefixes of the solvers
+# Methods that never multiply the correction of the enthalpy by the matrix, which is not for it.
+BY_RESIDUAL = {"snes_type": ("newtonls",), "snes_linesearch_type": ("basic", "l2", "cp")}
 # Newton's full step on the enthalpy needs no line search.
 NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}
 # The matrix is symmetric, positive where the stage has one solution, and as well conditioned as a
@@ -29,10 +34,30 @@ SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type"
 PARALLEL_LU = {"pc_factor_mat_solver_type": "mumps"}
 
 
-def default_options(ranks: int) -> dict[str, object]:
-    """Solver options on so many ranks."""
+def iterative_options(ranks: int, asked: Options) -> dict[str, object]:
+    """Options of the iterative solver on so many ranks.
+
+    Args:
+        ranks: Number of ranks.
+        asked: The user's options, which take precedence over the defaults.
+
+    Raises:
+        InputError: An option belongs to no family that PETSc knows, PETSc rejects its value, or a
+            method multiplies the correction of the enthalpy by the matrix.
+    """
     incomplete = {"pc_type": "icc"} if ranks == 1 else {"pc_type": "bjacobi", "sub_pc_type": "icc"}
-    return {**NEWTON, **ITERATIVE, **incomplete}
+    options: dict[str, object] = {**NEWTON, **ITERATIVE, **incomplete, **asked}
+    if asked:
+        try_options(ITERATED, options)
+    database = PETSc.Options()  # the command line (PETSC_OPTIONS) takes precedence
+    for name, sound in BY_RESIDUAL.items():
+        value = database.getString(ITERATED + name, str(options.get(name, sound[0])))
+        if value not in sound:
+            raise InputError(
+                f'thermal solver, {name} = "{value}": needs the matrix of the enthalpy, but '
+                f"castfem's is that of the conduction integral; give {' or '.join(sound)}"
+            )
+    return options
 
 
 def direct_options(ranks: int) -> dict[str, object]:

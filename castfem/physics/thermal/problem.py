@@ -40,14 +40,20 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.fem.compat import assemble_into
 from castfem.fem.section import Section
-from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
+from castfem.fem.snes import Options, SnesSolver, SolveResult
 from castfem.physics.materials.curve import CurvePoint, ThermalCurve
 from castfem.physics.thermal.boundary import Cooling
 from castfem.physics.thermal.deformed_section import Shape
-from castfem.physics.thermal.operators import REDUCTION, Operators, default_options, direct_options
+from castfem.physics.thermal.operators import (
+    FACTORED,
+    ITERATED,
+    REDUCTION,
+    Operators,
+    direct_options,
+    iterative_options,
+)
 
 LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
-ITERATED, FACTORED = "thermal_", "thermal_direct_"  # prefixes of the solvers
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +147,7 @@ class ThermalProblem:
         self._scale_operators()
         self.filled, self.volume = np.ones_like(self.area), self.area
         ranks, self._asked = section.comm.size, options or {}
-        iterated = {**default_options(ranks), **self._asked}
-        if options:
-            try_options(ITERATED, iterated)
+        iterated = iterative_options(ranks, self._asked)
         self._options = {ITERATED: iterated, FACTORED: direct_options(ranks)}
         self._solvers: dict[str, SnesSolver] = {}
         self.iterations: int = 0

@@ -12,6 +12,7 @@ import numpy as np
 
 from castfem.base.shared_code import addresses, loaded
 from castfem.base.types import Array, Flags
+from castfem.physics.constitutive.kernel.constants import LAST
 
 SOURCES = tuple(sorted(Path(__file__).parent.glob("*.py")))
 """All files that the compiled code is made of."""
@@ -52,7 +53,8 @@ def integrate_points(
         flows: Out, whether the point flows (n,).
 
     Raises:
-        ValueError: Arrays do not belong together, are not in one piece, or are closed.
+        ValueError: Arrays do not belong together or to the law, are not in one piece, of other
+            numbers, or closed.
     """
     n, columns, states = len(strain), coefficients.shape[1], state_old.shape[1]
     given = [
@@ -66,8 +68,11 @@ def integrate_points(
         raise ValueError(f"arrays of a law that do not belong together: {n} points")
     if not all(one.flags.writeable for one in written):
         raise ValueError("arrays for what a law answers must not be closed")
+    if columns <= LAST[kind]:
+        raise ValueError(f"a law needs {LAST[kind] + 1} coefficients a point, not {columns}")
     vectors = np.zeros((4, 4))
-    _function()(n, columns, states, kind, signed, dt, *addresses(vectors, *given, *written))
+    places = addresses(vectors, *given, *written[:-1]) + addresses(flows, of=bool)
+    _function()(n, columns, states, kind, signed, dt, *places)
 
 
 @cache
