@@ -107,6 +107,15 @@ class _State:
     gross: float  #: the same as a sum of absolute values
 
 
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Where the correction y of the conduction integral is known: isothermal or prescribed."""
+
+    places: npt.NDArray[np.intp]  #: owned vertices
+    anywhere: bool  #: whether any rank has some
+    divisor: Array  #: dtheta/dH (owned,); 1 at these vertices
+
+
 class ThermalProblem:
     """Heat balance of the section, one stage at a time.
 
@@ -299,30 +308,50 @@ class ThermalProblem:
 
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
         """D residual / dy, y = dtheta/dH dH: the Laplacian and a diagonal, symmetric."""
-        point, scale = self._state.point, self._theta
-        slope = point.conduction_slope
-        held = slope <= 0.0
-        held[self._fixed] = True
-        self._held = np.flatnonzero(held)
-        self._safe = np.where(held, 1.0, slope) if len(self._held) else slope
-        self._any_held = reductions.any_of(self.section.comm, bool(len(self._held)))
+        point, slope = self._state.point, self._state.slope
         with self.watch.section("petsc"):
-            self.conduction_matrix(self._tau, out)
-            of_surface = self._tau * self._state.slope * point.temperature_slope
-            scale.setArray((self.volume + of_surface) / self._safe)
-            out.setDiagonal(scale, addv=PETSc.InsertMode.ADD_VALUES)
-            if self._any_held:
-                first = out.getOwnershipRange()[0]
-                out.zeroRowsColumns((self._held + first).astype(np.int32), diag=1.0)
+            self._held = self.stage_matrix(point, slope, self._tau, out, self._theta)
+
+    def stage_matrix(
+        self, point: CurvePoint, slope: Array, tau: float, out: PETSc.Mat, diagonal: PETSc.Vec
+    ) -> Held:
+        """Write the symmetric matrix of a stage, D residual / dy, to one of `new_matrix`.
+
+        Args:
+            point: Values of the curve at the vertices.
+            slope: Derivative of the heat leaving each vertex through the surface by T (owned,),
+                W/(m K).
+            tau: Coefficient of the stage, s.
+            out: The matrix.
+            diagonal: Work space.
+
+        Returns:
+            Where y is known (collective).
+        """
+        held = point.conduction_slope <= 0.0
+        held[self._fixed] = True
+        places = np.flatnonzero(held)
+        divisor = point.conduction_slope
+        if len(places):
+            divisor = np.where(held, 1.0, divisor)
+        anywhere = reductions.any_of(self.section.comm, bool(len(places)))
+        self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        out.scale(tau)
+        diagonal.setArray((self.volume + tau * slope * point.temperature_slope) / divisor)
+        out.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
+        if anywhere:
+            first = out.getOwnershipRange()[0]
+            out.zeroRowsColumns((places + first).astype(np.int32), diag=1.0)
+        return Held(places, anywhere, divisor)
 
     def _correct(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """Turn Newton's correction y = dtheta/dH dH into dH, in place (collective)."""
-        found, held = correction.getArray(), self._held
+        found, held = correction.getArray(), self._held.places
         left: Array = np.zeros(0)
-        if self._any_held:
+        if self._held.anywhere:
             found[held] = 0.0
             left = self._balance[held] - self._tau * self.conducted(found)[held]
-        found /= self._safe
+        found /= self._held.divisor
         found[held] = left / self.volume[held]
         found[self._fixed] = 0.0
         return True
@@ -332,11 +361,6 @@ class ThermalProblem:
         matrix = self._laplacian.copy()
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         return matrix
-
-    def conduction_matrix(self, tau: float, out: PETSc.Mat) -> None:
-        """Write tau L to a matrix from `new_matrix`; it is symmetric."""
-        self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        out.scale(tau)
 
     def conducted(self, conduction: Array) -> Array:
         """Heat leaving each vertex by conduction (owned,), W/m, from theta (owned,), W/m."""

@@ -82,19 +82,10 @@ class StageTangent:
             tau: Coefficient of the stage, s.
         """
         problem, matrix = self._problem, self.matrix
-        held = point.conduction_slope <= 0.0
-        held[problem.fixed] = True
-        self._held, self._slope, self._tau = np.flatnonzero(held), point.conduction_slope, tau
-        problem.conduction_matrix(tau, matrix)
-        safe = np.where(held, 1.0, self._slope) if len(self._held) else self._slope
-        self._diagonal.setArray((problem.volume + tau * slope * point.temperature_slope) / safe)
-        matrix.setDiagonal(self._diagonal, addv=PETSc.InsertMode.ADD_VALUES)
-        comm = problem.section.comm
-        self._any_held = reductions.any_of(comm, bool(len(self._held)))
-        self._given = reductions.any_of(comm, bool(len(problem.fixed)))
-        if self._any_held:
-            first = matrix.getOwnershipRange()[0]
-            matrix.zeroRowsColumns((self._held + first).astype(np.int32), diag=1.0)
+        self._slope, self._tau = point.conduction_slope, tau
+        held = problem.stage_matrix(point, slope, tau, matrix, self._diagonal)
+        self._held, self._any_held = held.places, held.anywhere
+        self._given = reductions.any_of(problem.section.comm, bool(len(problem.fixed)))
         self.solver.setOperators(matrix)
         if why := factorise(self.solver, matrix):
             raise RunFailure(
