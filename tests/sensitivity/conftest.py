@@ -7,11 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from castfem.physics.thermal import problem as heat_balance
+from castfem.physics.thermal.stage import BalanceLimits
 
 
 @pytest.fixture(autouse=True, scope="module")
 def exact() -> Iterator[None]:
     """Let Newton's method close the balance of a stage to rounding: differences of runs tell."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(heat_balance, "LIMITS", heat_balance.BalanceLimits(newton=1e-13))
+        patch.setattr(heat_balance, "LIMITS", BalanceLimits(newton=1e-13))
         yield

@@ -18,7 +18,8 @@ from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Cooling, Surface
 from castfem.physics.thermal.deformed_section import Shape
 from castfem.physics.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
-from castfem.physics.thermal.problem import TIGHT, ThermalProblem
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stage import TIGHT
 from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper
 
 LOWER, UPPER = 200.0, 2600.0

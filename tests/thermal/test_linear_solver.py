@@ -17,7 +17,8 @@ from castfem.model.build.law import try_solver
 from castfem.model.build.simulation import build
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.operators import FACTORED, ITERATED
-from castfem.physics.thermal.problem import OF_STEP, TIGHT, ThermalProblem
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stage import OF_STEP, TIGHT
 from thermal.setups import ThermalSetup, constant_steel
 
 STEEL = constant_steel(1725.0, 1775.0, datum=1815.0)

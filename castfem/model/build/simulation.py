@@ -31,7 +31,8 @@ from castfem.physics.machine.machine import STANDING
 from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Surface
 from castfem.physics.thermal.deformed_section import Shape
-from castfem.physics.thermal.problem import TIGHT, ThermalProblem, tolerance_of_steps
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stage import TIGHT, tolerance_of_steps
 from castfem.physics.thermal.stepper import ThermalStepper
 
 if TYPE_CHECKING:

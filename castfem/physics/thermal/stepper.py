@@ -20,7 +20,8 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.physics.materials.curve import CurvePoint
-from castfem.physics.thermal.problem import Stage, ThermalProblem
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stage import Stage
 from castfem.physics.thermal.unique_root import Branch
 
 # Alexander's two-stage, stiffly accurate, L-stable scheme (SIAM J. Numer. Anal. 14 (1977) 1006).

@@ -22,7 +22,7 @@ from castfem.model.build.simulation import (
 from castfem.model.machine_from_case import build_machine
 from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Cooling
-from castfem.physics.thermal.problem import Stage
+from castfem.physics.thermal.stage import Stage
 from castfem.physics.thermal.stepper import ThermalStepper
 from castfem.studies.sensitivity.parameters import Parameter
 

@@ -22,7 +22,8 @@ from castfem.fem.section import Section
 from castfem.forms.heat import conduction_moved, slice_measure
 from castfem.physics.thermal.boundary import Patch, Surface
 from castfem.physics.thermal.deformed_section import Shape
-from castfem.physics.thermal.problem import Stage, ThermalProblem
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stage import Stage
 
 
 class ByMotion:

@@ -31,7 +31,8 @@ from castfem.fem.factorisation import factorise
 from castfem.model.build.simulation import Simulation
 from castfem.model.build.start import starting_enthalpy
 from castfem.physics.materials.curve import CurvePoint
-from castfem.physics.thermal.problem import Stage, ThermalProblem
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stage import Stage
 from castfem.physics.thermal.stepper import GAMMA, StepResult, ThermalState
 from castfem.studies.sensitivity.perturbed_simulation import Variation, surface_heat
 from castfem.studies.sensitivity.shape_change import Feedback
