@@ -10,8 +10,7 @@ comment, at the end of the page, says where its number comes from:
     -->
 
 That is a file of docs/data, the row by one or more columns, the column, and the format. Two such
-cells may be divided, subtracted or compared in per cent (`%`: how much more the first is). It may
-also stand in the sentence, as `<!-- q: FILE.csv[...].column .1f -->`.
+cells may be divided, subtracted or compared in per cent (`%`: how much more the first is).
 `python -m benchmarks tables` writes the numbers anew, a test finds one that differs from its data.
 """
 
@@ -28,7 +27,7 @@ from benchmarks.report import PAGE, Output
 
 _NUMBER = r"[-+]?\d[\d.]*(?:e[-+]?\d+)?"
 _FORM = r"[-+]?\.?\d*[defg]"
-_QUOTED = re.compile(rf"<!-- q(?:(\d+)|: (.+?) ({_FORM})) -->({_NUMBER})")
+_QUOTED = re.compile(rf"<!-- q(\d+) -->({_NUMBER})")
 _DEFINED = re.compile(rf"^q(\d+): (.+) ({_FORM})$", re.MULTILINE)
 _CELL = re.compile(r"(\w+)\.csv\[(.*?)\]\.(.+)")
 _SIGN = re.compile(r" ([-/%]) (?=\w+\.csv\[)")
@@ -56,7 +55,7 @@ def quotations(page: Path) -> list[Quotation]:
     text = page.read_text(encoding="utf-8")
     known = _defined(text)
     return [
-        Quotation(text.count("\n", 0, found.start()) + 1, *_source(found, known), found[4])
+        Quotation(text.count("\n", 0, found.start()) + 1, *_source(found, known), found[2])
         for found in _QUOTED.finditer(text)
     ]
 
@@ -68,7 +67,7 @@ def _defined(text: str) -> dict[str, tuple[str, str]]:
 
 def _source(found: re.Match[str], known: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
     """Cells and format of a quotation."""
-    return known.get(found[1], (f"q{found[1]}", "g")) if found[1] else (found[2], found[3])
+    return known.get(found[1], (f"q{found[1]}", "g"))
 
 
 def wrong(folder: Path) -> list[str]:
@@ -102,7 +101,7 @@ def rewrite(folder: Path) -> None:
                 number = value(folder, *_source(found, known))
             except KeyError:
                 return found[0]
-            return found[0].removesuffix(found[4]) + number
+            return found[0].removesuffix(found[2]) + number
 
         if (made := _QUOTED.sub(anew, text)) != text:
             page.write_text(made, encoding="utf-8")

@@ -39,7 +39,7 @@ PAGES = [
     "my_steel.md",
     *sorted(f"how_to/{p.name}" for p in DOCS.glob("how_to/*.md")),
 ]
-BLOCK = re.compile(r"((?:^[^\n`]*\n|^[^\n]*`[^\n]*\n)?)\n```(\w*)\n(.*?)^```$", re.M | re.S)
+BLOCK = re.compile(r"((?:^(?!```)[^\n]+\n)*)\n```(\w*)\n(.*?)^```$", re.M | re.S)
 AS_WRITTEN = os.environ.get("MANUAL") == "as_written"
 # By page and a word of the command: keys that make its runs short. Their output is not compared.
 COARSE = {
