@@ -179,6 +179,23 @@ def test_thermal_curve_closes_the_circle():
         assert curve.conductivity(t) == pytest.approx(steel.conductivity(t), rel=2e-4)
 
 
+def test_the_curve_at_its_knots_beyond_its_ends_and_at_no_number():
+    """Every knot belongs to the piece above it; the slopes are those of the neighbourhood."""
+    curve = load_steel("plain_carbon", composition={"C": 0.12}).thermal_curve(300.0, 2000.0)
+    at_knots = curve.enthalpy(curve.knots)
+    assert curve.at(at_knots).temperature == pytest.approx(curve.knots, abs=1e-9)
+    low, high = curve.enthalpy(np.array([300.0, 2000.0])) + np.array([-1e9, 1e9])
+    h = np.append(np.linspace(low, high, 4001), [at_knots + 1.0, at_knots - 1.0])
+    point, above, below = curve.at(h), curve.at(h + 0.4), curve.at(h - 0.4)
+    slope = (above.temperature - below.temperature) / 0.8
+    assert point.temperature_slope == pytest.approx(slope, rel=1e-4, abs=1e-12)
+    slope = (above.conduction - below.conduction) / 0.8
+    assert point.conduction_slope == pytest.approx(slope, rel=1e-4, abs=1e-11)
+    assert curve.at(h.reshape(-1, 1)).temperature.shape == (len(h), 1)
+    none = curve.at(np.array([np.nan, np.inf, -np.inf, 0.0]))
+    assert np.isnan(none.temperature[0]) and np.isfinite(none.temperature[3])
+
+
 def test_conductivity_pieces_meet_the_formula_and_jump_where_it_does():
     steel = load_steel(
         "plain_carbon",

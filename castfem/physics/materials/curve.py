@@ -1,11 +1,10 @@
 """Temperature and conductivity integral as exact functions of the enthalpy.
 
 The thermal problem is solved for the volumetric enthalpy H (thesis (24)): T(H) is single valued
-even where H(T) jumps (isothermal freezing), so that one code covers every freezing range, including
-zero.
- The conductivity enters as its integral theta(T) = int k dT, which turns div(k grad T) into
- div(grad theta)
-(Kirchhoff's transformation): the flux between two points is then exact for any k(T).
+even where H(T) jumps (isothermal freezing), so that one code covers every freezing range, zero
+included. The conductivity enters as its integral theta(T) = int k dT, which turns div(k grad T)
+into div(grad theta) (Kirchhoff's transformation): the flux between two points is then exact for any
+k(T).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -17,11 +16,11 @@ from typing import Literal
 
 import numpy as np
 
-from castfem.base.types import Array, Indices
+from castfem.base.types import Array
+from castfem.physics.materials.curve_loop import evaluate
 
 Side = Literal["left", "right"]
 CELLS = 8  # of the grid on which pieces are looked up, for each piece
-FEW = 8  # pieces, which are told apart by comparing with each
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,57 +124,28 @@ class ThermalCurve:
     def _tabulate(self) -> None:
         """Tables for `at`: the pieces, and the first piece in each cell of an even grid.
 
-        And the slopes of T(H) and theta(H) for curves that are straight in all pieces; and T,
-        theta, k and its slope where the pieces begin that are not isothermal.
+        And T, theta, k and its slope where the pieces begin that are not isothermal.
         """
-        c = self._c
-        self._pieces = (
-            self._t, self._h, self._theta, self._k, c, c * c, 2.0 * self._dc, self._dk,
-        )  # fmt: skip
-        self._straight = self._t, self._h, self._theta, 1.0 / c, self._k / c
+        t, h, c, theta, k = self._t, self._h, self._c, self._theta, self._k
+        self._pieces = np.column_stack([t, h, theta, k, c, c * c, 2.0 * self._dc, self._dk])
         kept = np.isfinite(c)
-        self._ordinary = self._t[kept], self._theta[kept], self._k[kept], self._dk[kept]
-        self._starts = np.concatenate([[-np.inf], self._h[1:]])
-        self._ends = np.append(self._h[1:], np.inf)
-        cells = CELLS * len(self._h)
-        self._origin, self._per_enthalpy = self._h[1], cells / (self._h[-1] - self._h[1])
-        # The grid extends slightly beyond its cells, since rounding may put a value into the next
-        # one.
-        edges = np.arange(cells + 1) + np.array([[-1e-6], [1e-6]])
+        self._ordinary = t[kept], theta[kept], k[kept], self._dk[kept]
+        # The last piece ends nowhere: not even an infinite enthalpy is beyond it.
+        self._starts, self._ends = np.append(-np.inf, h[1:]), np.append(h[1:], np.nan)
+        cells = CELLS * len(h)
+        self._origin, self._per_enthalpy = float(h[1]), float(cells / (h[-1] - h[1]))
+        # From slightly below a cell, since rounding may put a value into the next one.
+        edges = np.arange(cells) - 1e-6
         places = self._origin + edges / self._per_enthalpy
-        first, last = self._starts.searchsorted(places, side="right") - 1
-        self._first, self._crossed = first[:-1], int((last[1:] - first[:-1]).max())
-
-    def _piece(self, enthalpy: Array) -> Indices:
-        """Index of the piece of each enthalpy; of pieces that begin at the same one, the last.
-
-        Of many, a cell of an even grid is found in a third of the time of a search.
-        """
-        if len(self._h) <= FEW:
-            i = np.zeros(np.shape(enthalpy), np.intp)
-            for start in self._starts[1:]:
-                i += enthalpy >= start
-            return i
-        cell = (enthalpy - self._origin) * self._per_enthalpy
-        last = len(self._first) - 1.0
-        i = self._first[np.fmin(np.fmax(cell, 0.0), last).astype(np.intp)]
-        for _ in range(self._crossed):
-            i += self._ends[i] <= enthalpy
-        return i
+        self._first = self._starts.searchsorted(places, side="right") - 1
 
     def at(self, enthalpy: Array) -> CurvePoint:
         """Temperature, conduction and their slopes at `enthalpy` (J/m3, any shape)."""
-        i = self._piece(enthalpy)
-        if not self._quadratic:
-            t, h, theta, slope, diffusivity = [values[i] for values in self._straight]
-            dh = enthalpy - h
-            return CurvePoint(t + slope * dh, slope, theta + diffusivity * dh, diffusivity)
-        t, h, theta, k, c, c_squared, twice_dc, dk = [values[i] for values in self._pieces]
-        dh = enthalpy - h
-        here = np.sqrt(c_squared + twice_dc * dh)  # heat capacity, c + dc s
-        s = 2.0 * dh / (c + here)
-        slope, dk = 1.0 / here, dk * s
-        return CurvePoint(t + s, slope, theta + s * (k + 0.5 * dk), (k + dk) * slope)
+        given = np.ascontiguousarray(enthalpy, dtype=float)
+        found = evaluate(
+            given.ravel(), self._pieces, self._ends, self._first, self._origin, self._per_enthalpy
+        )
+        return CurvePoint(*found.reshape(4, *np.shape(enthalpy)))
 
     def lines(self) -> tuple[Array, Array, Array] | None:
         """T(H) and theta(H) as straight lines; None if rho c or k varies within a piece.
