@@ -51,9 +51,6 @@ STUDIES = {
     "sensitivity": ("sensitivity", "sensitivity.md"),
     "sensitivity_errors": ("sensitivity_errors", "sensitivity.md"),
     "systems": ("systems", "environment.md"),
-    "diagrams": ("diagrams", "materials.md"),
-    "peritectic": ("peritectic", "materials.md"),
-    "phases": ("phases", "materials.md"),
     "grades": ("grades", "my_steel.md"),
 }
 """Name -> module and page with its tables, in the order in which they run.
