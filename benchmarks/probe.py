@@ -67,16 +67,13 @@ def measure(settings: Settings, ranks: int = 1, repeats: int = 1) -> dict[str, A
     return launch("benchmarks.probe", {"settings": asdict(settings), "repeats": repeats}, ranks)
 
 
-def launch(
-    module: str, given: dict[str, Any], ranks: int = 1, gives_way: bool = True
-) -> dict[str, Any]:
+def launch(module: str, given: dict[str, Any], ranks: int = 1) -> dict[str, Any]:
     """Run `module` in a process of its own, or under mpirun.
 
     Args:
         module: Takes its argument as JSON and prints "RESULT " and JSON.
         given: Its argument.
         ranks: Processes.
-        gives_way: Whether a rank that waits lets other work have its core.
 
     Raises:
         RuntimeError: It failed; holds what it wrote.
@@ -94,8 +91,6 @@ def launch(
         clean.setdefault("OMPI_MCA_btl", "^tcp,ofi,uct")
         # A rank that waits gives way: the cores may have other work.
         clean.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
-        if not gives_way:
-            clean["OMPI_MCA_mpi_yield_when_idle"] = "0"
         clean.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
     done = subprocess.run(
         command, cwd=ROOT, env=clean, capture_output=True, text=True, timeout=600, check=False

@@ -58,11 +58,6 @@ SCRIPTED = ("opponent", "plain_script")  # by another library
 
 FOUND = SimpleNamespace(value=0.48, low=0.2, high=0.7, open_low=False, open_high=True)
 SMALL: dict[str, dict[str, Any]] = {
-    "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
-    "corner": {
-        "CELLS": {"4": ("4", "4", "18", "22")},
-        "KINDS": {mush: {"cells 4 mm": ("casting.length=80 mm",)} for mush in ("skeleton", "none")},
-    },
     "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
     # tests/optimisation drives such searches by results that are known.
     "optimum_holds": {"search": lambda *_: SimpleNamespace(values=(FOUND,))},
@@ -77,7 +72,6 @@ SMALL: dict[str, dict[str, Any]] = {
             "mesh.core_size=40 mm",
         ),
     },
-    "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
     "sensitivity_errors": {
         "QUICK": ("casting.length=100 mm", "mesh.surface_size=1 mm", "mesh.corner_size=1 mm"),
         "RUNS": (("billet125/thermal", (), ("heat_removed",), ("casting.superheat",)),),
