@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import accuracy, billet_run, caster, costs, opponent, reference
+from benchmarks import accuracy, caster, costs, opponent, reference
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.accuracy import GRADED, cheapest, default_settings, errors, sweep
 from benchmarks.billet import CASE, INSTANTS, Settings, billet_case, refined, run
@@ -38,7 +38,6 @@ SLOW = {
     "billet_error": "four billets to the mould's exit",
     "billet_trade": "billets that are compared with a reference at the mould's exit",
     "billet_cost": "repeated billets; its runs are tested below",
-    "hot_mould": "billets and tubes; tests/mould_fit and tests/hot_mould run coarse ones",
     "shell3d": "tests/bulging/test_plate.py has two of its slabs",
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
@@ -62,7 +61,6 @@ SMALL: dict[str, dict[str, Any]] = {
     # tests/optimisation drives such searches by results that are known.
     "optimum_holds": {"search": lambda *_: SimpleNamespace(values=(FOUND,))},
     "caster_error": {"KINDS": {"slices": (4.0, 2.0)}},
-    "wall": {"FACTORS": (10, 100), "COARSE": (*billet_run.COARSE, SHORT)},
     "slab_meniscus": {
         "QUIET": (
             "output.fields=[]",
