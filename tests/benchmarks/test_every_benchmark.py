@@ -42,8 +42,6 @@ SLOW = {
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
-    "optimum": "some 150 billets; tests/optimisation drives the search by results that are known",
-    "optimum_interval": "some 150 billets; tests/optimisation has spreads and fronts",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
