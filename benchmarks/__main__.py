@@ -26,7 +26,6 @@ STUDIES = {
     "billet_cost": ("billet_cost", "benchmarks_mechanics.md"),
     "billet_grid": ("billet_grid", "coupling.md"),
     "optimum_holds": ("optimum_holds", "mould_design.md"),
-    "shell3d": ("shell3d", "slab_bulging.md"),
     "slabs": ("slabs", "slab_thesis.md"),
     "slab_bending": ("slab_bending", "slab_bending.md"),
     "hot_tearing": ("hot_tearing", "hot_tearing.md"),

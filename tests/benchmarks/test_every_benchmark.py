@@ -38,7 +38,6 @@ SLOW = {
     "billet_error": "four billets to the mould's exit",
     "billet_trade": "billets that are compared with a reference at the mould's exit",
     "billet_cost": "repeated billets; its runs are tested below",
-    "shell3d": "tests/bulging/test_plate.py has two of its slabs",
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
