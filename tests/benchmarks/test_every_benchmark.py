@@ -38,7 +38,6 @@ SLOW = {
     "billet_error": "four billets to the mould's exit",
     "billet_trade": "billets that are compared with a reference at the mould's exit",
     "billet_cost": "repeated billets; its runs are tested below",
-    "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
@@ -58,15 +57,6 @@ SMALL: dict[str, dict[str, Any]] = {
     # tests/optimisation drives such searches by results that are known.
     "optimum_holds": {"search": lambda *_: SimpleNamespace(values=(FOUND,))},
     "caster_error": {"KINDS": {"slices": (4.0, 2.0)}},
-    "slab_meniscus": {
-        "QUIET": (
-            "output.fields=[]",
-            "output.figures=false",
-            "mesh.surface_size=10 mm",
-            "mesh.face_size=150 mm",
-            "mesh.core_size=40 mm",
-        ),
-    },
     "sensitivity_errors": {
         "QUICK": ("casting.length=100 mm", "mesh.surface_size=1 mm", "mesh.corner_size=1 mm"),
         "RUNS": (("billet125/thermal", (), ("heat_removed",), ("casting.superheat",)),),
