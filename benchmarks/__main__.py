@@ -19,7 +19,6 @@ STUDIES = {
     "caster": ("caster", "benchmarks.md"),
     "costs": ("costs", "benchmarks.md"),
     "opponent": ("opponent", "benchmarks.md"),
-    "weiner_boley": ("weiner_boley", "benchmarks_mechanics.md"),
     "billet": ("billet_study", "billet.md"),
     "billet_error": ("billet_error", "billet.md"),
     "billet_trade": ("billet_trade", "billet.md"),

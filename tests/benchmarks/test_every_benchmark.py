@@ -33,7 +33,6 @@ SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
     "caster": "22 s: a caster of 20 m, run by tests/runs",
     "costs": "30 s: processes of their own, several times each",
-    "weiner_boley": "44 s: past 21 s of freezing; tests/closed_forms runs the shipped case",
     "billet": "six billets at their shipped cells",
     "billet_error": "four billets to the mould's exit",
     "billet_trade": "billets that are compared with a reference at the mould's exit",

@@ -65,7 +65,7 @@ def test_markers_of_the_pages_are_pairs_and_filled(page: str) -> None:
     text = PAGE.with_name(page).read_text(encoding="utf-8")
     begun, ended = (re.findall(rf"<!-- {word} (.+?) -->", text) for word in ("begin", "end"))
     assert begun == ended
-    assert len(begun) == len(set(begun)) > 3
+    assert len(begun) == len(set(begun)) > 3 - len(kept_tables(text))
     assert not re.search(r"<!-- begin (.+?) -->\s*<!-- end", text)
 
 
