@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from itertools import zip_longest
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def column_error(cells: Sequence[str], rows: Sequence[Row]) -> str:
 
 def rounds(value: Any, text: str) -> bool:
     """Whether a number of the file is the one of a table to the digits that the table shows."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         return False
     shown = Decimal(text)
     exponent = shown.as_tuple().exponent
