@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +13,7 @@ import numpy as np
 from benchmarks.accuracy import default_settings
 from benchmarks.billet import Result, refined, run
 from benchmarks.probe import measure
+from benchmarks.processes import castfem
 from benchmarks.report import Columns, Output, power, table
 from castfem.base.stopwatch import LIBRARIES, TIME_LOOP
 
@@ -141,7 +137,7 @@ def start_up(repeats: int) -> dict[str, float]:
     """
     found = {}
     with tempfile.TemporaryDirectory() as folder:
-        caches = os.environ | {"XDG_CACHE_HOME": f"{folder}/cache"}
+        caches = {"XDG_CACHE_HOME": f"{folder}/cache"}
         found["first"] = _command_line(Path(folder, "first"), caches)
         again = [_command_line(Path(folder, f"run{i}"), caches) for i in range(repeats)]
     best = min(again, key=lambda times: times["before_loop"])
@@ -151,14 +147,7 @@ def start_up(repeats: int) -> dict[str, float]:
 
 def _command_line(folder: Path, environment: dict[str, str]) -> dict[str, float]:
     """One `castfem run`: seconds until the time loop begins, and the rest."""
-    command = [sys.executable, "-m", "castfem.cli", "run", "billet125/thermal", "-q"]
-    start, before = perf_counter(), getrusage(RUSAGE_CHILDREN)
-    done = subprocess.run(
-        [*command, "-o", str(folder)], env=environment, capture_output=True, text=True, check=False
-    )
-    whole, after = perf_counter() - start, getrusage(RUSAGE_CHILDREN)
-    if done.returncode != 0:
-        raise RuntimeError(f"{' '.join(command)}:\n{done.stdout}\n{done.stderr}")
+    spent = castfem("run", "billet125/thermal", "-o", str(folder), environment=environment)
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     wall = summary["wall_time"]
     loop = sum(wall.get(n, 0.0) for n in (*TIME_LOOP, "output"))
@@ -166,14 +155,14 @@ def _command_line(folder: Path, environment: dict[str, str]) -> dict[str, float]
     figures = [p.stat().st_mtime for p in (folder / "figures").glob("*")]
     drawing = max(figures) - (folder / "summary.json").stat().st_mtime if figures else 0.0
     return {
-        "whole": whole,
-        "processor": sum(after[:2]) - sum(before[:2]),  # of user and system
+        "whole": spent.wall,
+        "processor": spent.processor,
         "loop": loop,
         "setup": setup,
         "output": wall.get("output", 0.0),
         "steps": float(summary["steps"]["accepted"]),
         "figures": max(drawing, 0.0),
-        "before_loop": whole - loop - max(drawing, 0.0),
+        "before_loop": spent.wall - loop - max(drawing, 0.0),
     }
 
 

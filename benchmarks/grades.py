@@ -20,7 +20,6 @@ import numpy as np
 from scipy.optimize import bisect
 
 import castfem
-from benchmarks.peritectic import QUIET, free_billet
 from benchmarks.report import Output
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
@@ -29,7 +28,7 @@ from castfem.model.shipped_cases import find
 from castfem.physics.constitutive.hardening_laws import UnifiedSteel
 from castfem.physics.materials.alloying import alloyed, regression_liquidus
 from castfem.physics.materials.equilibria import Equilibria
-from castfem.studies.optimisation.fidelity import at_level
+from castfem.studies.optimisation.fidelity import at_level, idealised
 
 CARBON = (0.04, 0.08, 0.10, 0.12, 0.15, 0.18, 0.25, 0.45)
 OTHERS = ((0.0, 0.0), (0.6, 0.2), (1.4, 0.3))
@@ -42,6 +41,14 @@ LIMITS = {"liquidus": "liquidus", "solidus": "solidus", "gamma": "γ from", "del
 FILES = {"mc_fe": "DATABASE", "MF Steel": "DATABASE_MF"}
 """Variables of the environment with the files of the databases."""
 COLUMNS = ("shell", "taper", "pool")
+QUIET = ("output.figures=false", "output.fields=[]")
+FREE: dict[str, Any] = {
+    "mechanics.ferrostatic": "off",
+    "mechanics.liquid": "fed",
+    "mechanics.mush": "skeleton",
+    "steel.composition": {"C": 0.12},
+}
+"""A strand that nothing holds or presses."""
 TRACE = 1e-6  # of a phase that counts as none
 SHARE = 10.0  # per cent by which data are changed
 
@@ -165,8 +172,12 @@ def billet(quick: bool) -> Case:
 
 
 def peritectic(quick: bool) -> Case:
-    """The billet of computed properties, which shrinks freely."""
-    return free_billet(0.12, True, ("casting.length=30 mm",) if quick else ())
+    """The billet of computed properties, which shrinks freely in its idealised mould."""
+    length = ("casting.length=30 mm",) if quick else ()
+    changes = (*QUIET, "steel.diagram=assessed", *length)
+    return at_level(
+        idealised(load_case(find("billet180/peritectic"), changes)).with_(FREE), "coarse"
+    )
 
 
 def slab(quick: bool) -> Case:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.optimum import folder
-from benchmarks.report import Columns, Output
+from benchmarks.report import ROOT, Columns, Output
 from castfem.model.load import load
 from castfem.studies.optimisation import Evaluator, Optimum, Study
 
@@ -38,7 +37,7 @@ def search(number: int, fidelity: str) -> Optimum:
         "casting.length": f"{length} mm", "mould.length": f"{length} mm",
         "optimise": {**asked, "variable": variable, "fidelity": fidelity},
     })  # fmt: skip
-    runs = folder("holds") / f"{number}_{fidelity}"
+    runs = ROOT / "results" / "optimum_holds" / f"{number}_{fidelity}"
     with Evaluator(case, runs, processes=1) as evaluator:
         return Study(case, evaluator=evaluator).solve()
 

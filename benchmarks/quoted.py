@@ -12,6 +12,7 @@ comment, at the end of the page, says where its number comes from:
 That is a file of docs/data, the row by one or more columns, the column, and the format. Two such
 cells may be divided, subtracted or compared in per cent (`%`: how much more the first is).
 `python -m benchmarks tables` writes the numbers anew, a test finds one that differs from its data.
+Tables of finished studies are held to their data by `kept_tables`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.kept_tables import kept_tables
 from benchmarks.report import PAGE, Output
 
 _NUMBER = r"[-+]?\d[\d.]*(?:e[-+]?\d+)?"
@@ -71,7 +73,7 @@ def _source(found: re.Match[str], known: Mapping[str, tuple[str, str]]) -> tuple
 
 
 def wrong(folder: Path) -> list[str]:
-    """Numbers of the pages in `folder` that differ from those of its data, a line each."""
+    """Numbers of pages in `folder`, in sentences and kept tables, that its data have otherwise."""
     found = []
     for page in pages(folder):
         text = page.read_text(encoding="utf-8")
@@ -87,6 +89,8 @@ def wrong(folder: Path) -> list[str]:
                 continue
             if right != one.told:
                 found.append(f"{where}: {one.told} is quoted, {one.what} {one.form} is {right}")
+        for table in kept_tables(text):
+            found += [f"{name}: line {table.line}: {what}" for what in table.wrong(folder)]
     return found
 
 

@@ -8,9 +8,6 @@ Writes tables of docs/sensitivity.md.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from time import process_time
@@ -20,6 +17,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from benchmarks.processes import castfem
 from benchmarks.report import Output
 from castfem.api import run, sensitivities
 from castfem.model import Case
@@ -110,18 +108,12 @@ def _rows(given: dict[str, Any], times: np.ndarray) -> list[dict[str, Any]]:
 def spent(*words: str) -> float:
     """Processor time of a command of castfem in a process and a folder of its own, s."""
     with tempfile.TemporaryDirectory() as home:
-        command = [sys.executable, "-m", "castfem.cli", *words, "-o", f"{home}/run"]
-        running = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        _, status, used = os.wait4(running.pid, 0)
-        running.returncode = os.waitstatus_to_exitcode(status)
-    if running.returncode:
-        raise RuntimeError(f"castfem {' '.join(words)} has failed")
-    return used.ru_utime + used.ru_stime
+        return castfem(*words, "-o", f"{home}/run").processor
 
 
 def _whole(short: dict[str, Any], turns: int) -> list[dict[str, Any]]:
     """Whole runs, plain and with derivatives: as a command, and as functions, without figures."""
-    given = COUPLED, "-q", *(f"--set={key}={value}" for key, value in short.items())
+    given = COUPLED, *(f"--set={key}={value}" for key, value in short.items())
 
     def command(count: int) -> float:
         to = ",".join(SIX_OF_MOULD[:count])

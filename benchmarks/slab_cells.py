@@ -1,16 +1,11 @@
 """What a coupling window of the slab costs by its number of cells: processor time and memory.
 
-    python -m benchmarks.slab_cells 2.5          one size, mm, in a process of its own
-
 Windows of cases/slab1200/slab.toml as shipped, with the shell that it has at #50, nearly all of
 which takes part in the equations.  Writes a table of docs/slab_error.md.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from itertools import pairwise
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -18,8 +13,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from benchmarks.probe import peak
-from benchmarks.report import ROOT, Output, power
+from benchmarks.processes import answer, argument, launch, peak
+from benchmarks.report import Output, power
 from benchmarks.slab_error import CASES, QUIET, THICK, Setting
 from castfem.model import load_case
 from castfem.model.build.simulation import build, build_mesh
@@ -50,9 +45,7 @@ def main(output: Output, quick: bool) -> None:
     """All sizes, each in a process of its own, whose memory it is."""
     rows = []
     for size in (10.0, 15.0) if quick else SIZES:
-        words = (sys.executable, "-m", "benchmarks.slab_cells", f"{size:g}")
-        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
-        rows.append(json.loads(done.stdout.rpartition("RESULT ")[2]))
+        rows.append(launch("benchmarks.slab_cells", {"size": size}))
         print(f"  {rows[-1]}", flush=True)
     for one, other in pairwise(rows):
         other["power"] = power([one, other], "ms")
@@ -75,4 +68,4 @@ def show(output: Output) -> None:
 
 
 if __name__ == "__main__":
-    print("RESULT " + json.dumps(measured(float(sys.argv[1]))))
+    answer(measured(argument()["size"]))

@@ -13,18 +13,16 @@ something on a machine with two free cores alone; the load stands beside it.
 from __future__ import annotations
 
 import gc
-import json
 import os
-import resource
-import subprocess
-import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from statistics import mean
 from time import perf_counter, process_time
 from typing import Any
 
-from benchmarks.report import ROOT, Output, table
+from benchmarks.processes import answer, argument, castfem, launch
+from benchmarks.report import Output, table
 
 CASE, RUNS, FOLLOWED = "billet125/taper_1", 32, 6
 WORKERS = 2
@@ -52,7 +50,7 @@ def tapers(count: int) -> list[str]:
     return [f"{0.8 + 0.4 * i / (count - 1):.4g} %/m" for i in range(count)]
 
 
-def follow(count: int, freeze: bool) -> dict[str, float]:
+def follow(count: int) -> dict[str, float]:
     """Do runs as a worker does; processor time of its parts, s (in a process of its own)."""
     from castfem.model import load_case, shipped_cases
     from castfem.post.plots.figures import draw_figures
@@ -76,7 +74,7 @@ def follow(count: int, freeze: bool) -> dict[str, float]:
             start = process_time()
             outcome = work(Job(name, folder, case))
             assert not outcome.failed, outcome.message
-            if freeze and not beside:
+            if not beside:
                 gc.freeze()
             beside.append(process_time() - start - march[-1])
         start = process_time()
@@ -88,41 +86,24 @@ def follow(count: int, freeze: bool) -> dict[str, float]:
     }  # fmt: skip
 
 
-def followed_apart(count: int, cache: str) -> dict[str, float]:
-    """What `follow` finds, in a process of its own."""
-    words = [sys.executable, "-m", "benchmarks.sweep_cost", str(count)]
-    environment = {**os.environ, "XDG_CACHE_HOME": cache}
-    done = subprocess.run(
-        words, check=True, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
-    )
-    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
-    return found
-
-
-def castfem(*words: str, cache: str) -> subprocess.Popen[bytes]:
-    """Start a command of castfem on the coarse case."""
-    command = [sys.executable, "-m", "castfem.cli", words[0], CASE, "-q"]
-    for assignment in coarse():
-        command += ["--set", assignment]
-    return subprocess.Popen(
-        [*command, *words[1:]], cwd=ROOT, env={**os.environ, "XDG_CACHE_HOME": cache}
-    )
+def on_coarse(command: str, *words: str, cache: str) -> float:
+    """Processor time of a command of castfem on the coarse case, s."""
+    sizes = [word for assignment in coarse() for word in ("--set", assignment)]
+    return castfem(command, CASE, *sizes, *words, environment={"XDG_CACHE_HOME": cache}).processor
 
 
 def sweep(count: int, folder: Path, cache: str) -> float:
     """Processor time of a whole sweep, s."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     values = "mould.taper=" + ",".join(tapers(count))
-    running = castfem("sweep", "-j", str(WORKERS), "--set", values, "-o", str(folder), cache=cache)
-    assert running.wait() == 0
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return on_coarse("sweep", "-j", str(WORKERS), "--set", values, "-o", str(folder), cache=cache)
 
 
 def measured(count: int, followed: int, cache: str) -> list[dict[str, Any]]:
     """A row a part, of one sweep."""
-    followed_apart(2, cache)  # forms and meshes come from the cache from now on
-    found = followed_apart(followed, cache)
+    cached = {"XDG_CACHE_HOME": cache}
+    # Forms and meshes come from the cache from the second time on.
+    for runs in (2, followed):
+        found = launch("benchmarks.sweep_cost", {"count": runs}, environment=cached)
     with tempfile.TemporaryDirectory() as home:
         whole = sweep(count, Path(home, "sweep"), cache)
         found["parent"] = sweep(count, Path(home, "sweep"), cache)  # it finds all finished
@@ -138,15 +119,14 @@ def at_once(turns: int, cache: str) -> list[dict[str, Any]]:
     rows = []
     for turn in range(turns):
         for together in (False, True):
-            load, begun, running = os.getloadavg()[0], perf_counter(), []
-            with tempfile.TemporaryDirectory() as home:
-                for name in ("1 %/m", "1.1 %/m"):
-                    folder = str(Path(home, name.partition(" ")[0]))
-                    words = ("run", "--set", f"mould.taper={name}", "-o", folder)
-                    running.append(castfem(*words, cache=cache))
-                    if not together:
-                        running[-1].wait()
-                assert not any(process.wait() for process in running)
+            load, begun = os.getloadavg()[0], perf_counter()
+            with tempfile.TemporaryDirectory() as home, ThreadPoolExecutor(1 + together) as pool:
+
+                def run(taper: str, home: str = home) -> None:
+                    words = "--set", f"mould.taper={taper} %/m", "-o", f"{home}/{taper}"
+                    on_coarse("run", *words, cache=cache)
+
+                list(pool.map(run, ("1", "1.1")))
                 seconds = perf_counter() - begun
             rows.append({"turn": turn, "at once": together, "wall [s]": seconds, "load": load})
     return rows
@@ -193,4 +173,4 @@ def main(output: Output, quick: bool) -> None:
 
 
 if __name__ == "__main__":
-    print(json.dumps(follow(int(sys.argv[1]), freeze="--no-freeze" not in sys.argv)))
+    answer(follow(argument()["count"]))

@@ -8,37 +8,29 @@ on the machine counts little in.
 
 from __future__ import annotations
 
-import resource
-import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 
-from benchmarks.report import ROOT, Output
+from benchmarks.processes import answer, argument, castfem, launch
+from benchmarks.report import Output
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.caster_slices import by_plant, followed, slice_of, starts_of
 from castfem.post.plots.caster_figures import strand_figure
 from castfem.runs.caster.files import read_table
+from castfem.runs.caster.run import run_caster
 from castfem.runs.output.run_record import RunRecord
 from castfem.studies.accuracy.sizes import assignments
 
 SHORT = {"casting.length": "12 m", "caster.end": "600 s"}
 """Of the case, by which ranks are measured."""
-RANK = """
-import sys, time
-from mpi4py import MPI
-from castfem.model import load_case
-from castfem.runs.caster.run import run_caster
-run_caster(load_case(sys.argv[1]), sys.argv[2])
-spent = MPI.COMM_WORLD.gather(time.process_time())
-MPI.COMM_WORLD.rank or print(*spent)
-"""
 CASE, LADLE = "slab1200/ladle_change", "ladle change"
 SPEEDS: dict[str, Any] = {
     "time": ["0 min", "12 min", "13 min", "20 min", "21 min", "60 min"],
@@ -63,21 +55,13 @@ def coarse() -> Case:
     return load_case(path, [*assignments(own, "coarse"), f"title={own.title}"])
 
 
-def castfem(*words: str) -> tuple[float, float]:
-    """Run a command; seconds of the processor and of the clock."""
-    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), perf_counter()
-    subprocess.run([sys.executable, "-m", "castfem.cli", *words, "-q"], check=True, cwd=ROOT)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return spent, perf_counter() - begun
-
-
 def together(history: str, case: Case, home: Path) -> dict[str, Any]:
     """The caster in one process."""
     folder, path = home / history.replace(" ", "_"), home / "case.toml"
     path.write_text(case.resolved_toml(), encoding="utf-8")
-    spent, wall = castfem("caster", str(path), "-o", str(folder), "--no-figures")
-    return {"history": history, "processor [s]": spent, "wall [s]": wall, **read(case, folder)}
+    spent = castfem("caster", str(path), "-o", str(folder), "--no-figures")
+    times = {"processor [s]": spent.processor, "wall [s]": spent.wall}
+    return {"history": history, **times, **read(case, folder)}
 
 
 def read(case: Case, folder: Path) -> dict[str, Any]:
@@ -105,27 +89,35 @@ def alone(history: str, case: Case, numbers: Sequence[int], home: Path) -> list[
     for number in numbers:
         one, path = slice_of(base, starts[number - 1]), home / f"{number}.toml"
         path.write_text(one.resolved_toml(), encoding="utf-8")
-        spent, _ = castfem(
+        spent = castfem(
             "run", str(path), "-o", str(home / str(number)), "--set", "output.figures=false"
         )
-        row = {"history": history, "slice": number, "processor [s]": spent}
+        row = {"history": history, "slice": number, "processor [s]": spent.processor}
         rows.append(row | {"followed [s]": one.casting.duration})
     return rows
 
 
 def by_ranks(case: Case, home: Path) -> list[dict[str, Any]]:
     """Some ranks that share the slices: what each spends, waiting for the others included."""
-    (home / "ranks.toml").write_text(case.resolved_toml(), encoding="utf-8")
+    path = home / "ranks.toml"
+    path.write_text(case.resolved_toml(), encoding="utf-8")
     rows: list[dict[str, Any]] = []
     for ranks in (1, 2):
-        words = [sys.executable, "-c", RANK, str(home / "ranks.toml"), str(home / f"ranks_{ranks}")]
-        launcher = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-        done = subprocess.run(
-            [*launcher, *words], check=True, cwd=ROOT, capture_output=True, text=True
+        given = {"case": str(path), "folder": str(home / f"ranks_{ranks}")}
+        spent = launch("benchmarks.whole_caster", given, ranks)["spent"]
+        rows.append(
+            {"ranks": ranks, "slices": len(starts_of(case)), "busiest rank [s]": max(spent)}
         )
-        most = max(float(word) for word in done.stdout.split())
-        rows.append({"ranks": ranks, "slices": len(starts_of(case)), "busiest rank [s]": most})
     return rows
+
+
+def on_ranks() -> None:
+    """Follow a caster on the ranks of this run; tell `launch` what each has spent, s."""
+    given = argument()
+    run_caster(load_case(given["case"]), given["folder"])
+    spent = MPI.COMM_WORLD.gather(process_time())
+    if spent is not None:
+        answer({"spent": spent})
 
 
 def show(output: Output) -> None:
@@ -179,3 +171,7 @@ def main(output: Output, quick: bool) -> None:
         shown = strand_figure(home / LADLE.replace(" ", "_"), case.title, case.casting.length)
         output.figure("strand_over_time", shown)
     show(output)
+
+
+if __name__ == "__main__":
+    on_ranks()

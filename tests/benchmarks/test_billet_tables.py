@@ -14,7 +14,6 @@ from benchmarks import (
     billet_trade,
     caster_error,
     grades,
-    peritectic,
     sweep_cost,
 )
 from benchmarks.billet_grid import (
@@ -220,19 +219,6 @@ def test_shares_are_those_of_the_whole(tmp_path: Path) -> None:
 
 def test_tapers_are_as_many_as_runs() -> None:
     assert len(set(sweep_cost.tapers(32))) == 32
-
-
-def test_the_corner_s_meshes_that_go_up_and_down_have_three_times_their_difference() -> None:
-    """Of the case and the finer one, which is more than half of that to the coarser one."""
-    shells = {"cells 1 mm": 17.0, "default": 13.0, "cells 0.5 mm": 15.0}
-    rows = [
-        {"diagram": diagram, "law": "kozlowski_zhu", "varied": kind, "shell_corner": shell}
-        for diagram, change in (("pascon", 1.0), ("assessed", 0.0))
-        for kind, shell in ((kind, shell + change) for kind, shell in shells.items())
-    ]
-    (found,) = peritectic.stated(rows)
-    assert (found["shell_corner"], found["error"]) == (13.0, pytest.approx(3.0 * 2.0))
-    assert peritectic.stated(rows[:3])[0]["error"] is None
 
 
 def test_the_largest_difference_of_a_diagram_is_told_by_database_and_manganese() -> None:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import accuracy, billet_run, caster, costs, opponent, reference
+from benchmarks import accuracy, caster, costs, opponent, reference
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.accuracy import GRADED, cheapest, default_settings, errors, sweep
 from benchmarks.billet import CASE, INSTANTS, Settings, billet_case, refined, run
@@ -33,18 +33,12 @@ SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
     "caster": "22 s: a caster of 20 m, run by tests/runs",
     "costs": "30 s: processes of their own, several times each",
-    "weiner_boley": "44 s: past 21 s of freezing; tests/closed_forms runs the shipped case",
     "billet": "six billets at their shipped cells",
     "billet_error": "four billets to the mould's exit",
     "billet_trade": "billets that are compared with a reference at the mould's exit",
     "billet_cost": "repeated billets; its runs are tested below",
-    "hot_mould": "billets and tubes; tests/mould_fit and tests/hot_mould run coarse ones",
-    "shell3d": "tests/bulging/test_plate.py has two of its slabs",
-    "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
-    "optimum": "some 150 billets; tests/optimisation drives the search by results that are known",
-    "optimum_interval": "some 150 billets; tests/optimisation has spreads and fronts",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
@@ -58,26 +52,10 @@ SCRIPTED = ("opponent", "plain_script")  # by another library
 
 FOUND = SimpleNamespace(value=0.48, low=0.2, high=0.7, open_low=False, open_high=True)
 SMALL: dict[str, dict[str, Any]] = {
-    "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
-    "corner": {
-        "CELLS": {"4": ("4", "4", "18", "22")},
-        "KINDS": {mush: {"cells 4 mm": ("casting.length=80 mm",)} for mush in ("skeleton", "none")},
-    },
     "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
     # tests/optimisation drives such searches by results that are known.
     "optimum_holds": {"search": lambda *_: SimpleNamespace(values=(FOUND,))},
     "caster_error": {"KINDS": {"slices": (4.0, 2.0)}},
-    "wall": {"FACTORS": (10, 100), "COARSE": (*billet_run.COARSE, SHORT)},
-    "slab_meniscus": {
-        "QUIET": (
-            "output.fields=[]",
-            "output.figures=false",
-            "mesh.surface_size=10 mm",
-            "mesh.face_size=150 mm",
-            "mesh.core_size=40 mm",
-        ),
-    },
-    "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
     "sensitivity_errors": {
         "QUICK": ("casting.length=100 mm", "mesh.surface_size=1 mm", "mesh.corner_size=1 mm"),
         "RUNS": (("billet125/thermal", (), ("heat_removed",), ("casting.superheat",)),),

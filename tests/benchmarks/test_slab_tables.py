@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import slab_bending, slab_error, slab_sprays, slabs
+from benchmarks import slab_error, slab_sprays, slabs
 from benchmarks.report import Output
 from castfem.model import load_case
 from castfem.physics.machine.rolls import Rolls
@@ -172,32 +172,6 @@ def test_falls_of_the_surface_under_sprays_and_rolls() -> None:
     assert found["straightener_contact_most"] == pytest.approx(20.0, abs=1.0)
     assert found["extrados_warmer"] == pytest.approx(50.0)
     assert found["corner_least"] < found["corner_most"] < 1000.0
-
-
-def test_what_is_read_of_a_slab_that_is_bent() -> None:
-    """Bender #8 to #15, straightener #49 to #57, each behind its first roll; work by phase."""
-    places = np.arange(1, 63) * 0.3  # m
-    at = np.concatenate([[0.8, 1.0], places[3:]])
-    history = pd.DataFrame({"position": at, "axial_strain": -0.01 - 1e-4 * at})
-    history["axial_stress_corner_extrados"] = np.where(np.isclose(at, places[14]), 30.0, -5.0)
-    history["axial_stress_corner_extrados"] += 90.0 * np.isclose(at, places[7])  # as it begins
-    history["axial_stress_corner_intrados"] = np.where(np.isclose(at, places[55]), 40.0, 0.0)
-    history["bending_work"] = np.interp(at, places[[7, 14, 48, 56]], [0.0, 6.0, 6.0, 20.0])
-    history["neutral_axis"] = np.where((at > 2.4) & (at < 4.0), at, np.nan)
-    worst = SimpleNamespace(
-        value=2e7,
-        label="largest I1, tension, bending, extrados, corner, 4.50 m (roll 15), 9 s, bending",
-    )  # fmt: skip
-    summary: Any = SimpleNamespace(quantities={"bending_I1_max": worst})
-    row = slab_bending.found(history, summary, places)
-    assert (row["bending_stress"], row["straightening_stress"]) == (30.0, 40.0)
-    assert (row["bending_work"], row["straightening_work"]) == pytest.approx((6.0, 14.0))
-    assert row["bending_axis_most"] == pytest.approx(places[12])
-    assert row["bending_axis_least"] == pytest.approx(places[8])
-    assert row["straightening_axis_most"] is None and row["mould_I1"] == 0.0
-    assert (row["bending_I1"], row["straightening_I1"]) == (pytest.approx(20.0), None)
-    assert row["bending_I1_place"] == "extrados, corner, 4.50 m (roll 15)"
-    assert row["strain_bender"] - row["strain_shell"] == pytest.approx(-0.01 * (places[7] - 1.0))
 
 
 def test_what_the_page_concludes_of_the_thesis_is_in_the_data() -> None:

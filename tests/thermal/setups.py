@@ -19,7 +19,7 @@ from castfem.physics.thermal.boundary import Cooling, Surface
 from castfem.physics.thermal.deformed_section import Shape
 from castfem.physics.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
 from castfem.physics.thermal.problem import ThermalProblem
-from castfem.physics.thermal.stage import TIGHT
+from castfem.physics.thermal.stage import VERTEX
 from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper
 
 LOWER, UPPER = 200.0, 2600.0
@@ -63,7 +63,7 @@ class ThermalSetup:
     options: dict[str, object] = field(default_factory=dict)
     moves: bool = False
     solidus: float = 0.0
-    tolerance: float = TIGHT
+    tolerance: float = VERTEX.tight
 
     def __post_init__(self) -> None:
         """Build section, problem and stepper."""

@@ -18,13 +18,13 @@ from castfem.model.build.simulation import build
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.operators import FACTORED, ITERATED
 from castfem.physics.thermal.problem import ThermalProblem
-from castfem.physics.thermal.stage import OF_STEP, TIGHT
+from castfem.physics.thermal.stage import VERTEX
 from thermal.setups import ThermalSetup, constant_steel
 
 STEEL = constant_steel(1725.0, 1775.0, datum=1815.0)
 
 
-def cooled(step: float, tolerance: float = TIGHT, **options: Any) -> ThermalSetup:
+def cooled(step: float, tolerance: float = VERTEX.tight, **options: Any) -> ThermalSetup:
     mesh = meshes.build(
         "rectangle", width=0.125, height=0.125, corner_radius=0.005, symmetry="quarter",
         surface_size=1e-3, core_size=8e-3, cell="quadrilateral",
@@ -94,7 +94,7 @@ def linear_iterations(problem: ThermalProblem) -> int:
 
 def test_what_a_step_cannot_feel_is_not_solved_for() -> None:
     """A vertex may be out of balance by 2e-4 of the error of a step of 0.5 K."""
-    tight, eased = cooled(0.25), cooled(0.25, tolerance=0.5 * OF_STEP)
+    tight, eased = cooled(0.25), cooled(0.25, tolerance=0.5 * VERTEX.of_step)
     one, other = (s.state.point.temperature for s in (tight, eased))
     assert 0.0 < np.abs(one - other).max() < 1e-4
     assert eased.state.removed == pytest.approx(tight.state.removed, rel=1e-7)

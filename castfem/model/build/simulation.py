@@ -32,7 +32,7 @@ from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Surface
 from castfem.physics.thermal.deformed_section import Shape
 from castfem.physics.thermal.problem import ThermalProblem
-from castfem.physics.thermal.stage import TIGHT, tolerance_of_steps
+from castfem.physics.thermal.stage import VERTEX, tolerance_of_steps
 from castfem.physics.thermal.stepper import ThermalStepper
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def build(
         probes.conducts = curve
         stepping = case.thermal.time
         allowed = stepping.adaptive
-        tolerance = tolerance_of_steps(allowed.tolerance) if allowed else TIGHT
+        tolerance = tolerance_of_steps(allowed.tolerance) if allowed else VERTEX.tight
         problem = ThermalProblem(
             section, curve, case.thermal.solver, tolerance, watch=watch, shape=shape
         )

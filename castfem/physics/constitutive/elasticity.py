@@ -44,12 +44,22 @@ from castfem.base.tables import Constant
 from castfem.base.types import Array, MushyZone
 
 Curve = Callable[[Array], Array]
-LEAST_STRENGTH = 0.01  # of a skeleton: with zero flow stress cells would lose their shape and fold
-LEAST_SHARE = 1e-6  # of a step, for a point that freezes at the end of it
-MOST_POISSON = 0.4999
-WIDEST = 1000.0  # K: no steel freezes over a wider range
-HALVINGS = 60  # bisections of that range, down to rounding
-MELTING = 1e-8  # K below a melting point within which steel is still at it
+
+
+@dataclass(frozen=True, slots=True)
+class FreezingLimits:
+    """Limits of the properties of steel that freezes."""
+
+    # least flow stress of a skeleton over that of the solid: with none cells would fold
+    strength: float = 0.01
+    share: float = 1e-6  # least share of a step, for a point that freezes at the end of it
+    poisson: float = 0.4999  # largest Poisson's ratio
+    widest: float = 1000.0  # K: no steel freezes over a wider range
+    halvings: int = 60  # bisections of that range, down to rounding
+    melting: float = 1e-8  # K below a melting point within which steel is still at it
+
+
+LIMITS = FreezingLimits()
 
 
 class Freezing(Protocol):
@@ -103,8 +113,8 @@ class Solidity:
         """The temperature `coherent`, from the solid fraction by bisection."""
         if not self.is_skeleton:
             return self.solidus
-        low, high = self.solidus, self.solidus + WIDEST
-        for _ in range(HALVINGS):
+        low, high = self.solidus, self.solidus + LIMITS.widest
+        for _ in range(LIMITS.halvings):
             middle = 0.5 * (low + high)
             if self.weight(np.array([middle]))[0] > 0.0:
                 low = middle
@@ -131,7 +141,7 @@ class Solidity:
         """
         solidus = steel.solidus
         molten = float(np.asarray(steel.solid_fraction(np.array([solidus])))[0]) < 1.0
-        return cls(solidus - MELTING * molten, steel.solid_fraction, **options)  # type: ignore[arg-type]
+        return cls(solidus - LIMITS.melting * molten, steel.solid_fraction, **options)  # type: ignore[arg-type]
 
     def weight(self, temperature: Array) -> Array:
         """1 where coherent solid, 0 where liquid, interpolated by solid fraction in between."""
@@ -151,7 +161,7 @@ class Solidity:
         """Flow stress over that of the solid at the solidus (n,), (S); 1 without a skeleton."""
         if not self.is_skeleton:
             return np.ones_like(temperature)
-        return np.maximum(self.weight(temperature), LEAST_STRENGTH)
+        return np.maximum(self.weight(temperature), LIMITS.strength)
 
     def stiffness(self, weight: Array) -> Array:
         """Young's modulus relative to that of the solid."""
@@ -169,7 +179,7 @@ class Solidity:
             return np.ones_like(temperature)
         drop = np.where(freezes, temperature_old - temperature, 1.0)
         part = (coherent - temperature) / drop if np.isfinite(coherent) else 1.0
-        return np.where(freezes, np.maximum(part, LEAST_SHARE), 1.0)
+        return np.where(freezes, np.maximum(part, LIMITS.share), 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +206,7 @@ class Elasticity:
         # Above the solidus the modulus of the solid is taken as at the solidus.
         solid = np.minimum(temperature, self.solidity.solidus)
         young = self.young(solid) * self.solidity.stiffness(weight)
-        poisson = np.minimum(self.poisson(solid), MOST_POISSON) * weight
+        poisson = np.minimum(self.poisson(solid), LIMITS.poisson) * weight
         if not (np.all(young > 0.0) and np.all(poisson > -1.0) and np.all(np.isfinite(young))):
             raise ValueError(
                 f"Young's modulus must be positive (least: {np.min(young):g} Pa) and Poisson's "

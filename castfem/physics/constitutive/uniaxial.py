@@ -21,8 +21,17 @@ from castfem.physics.constitutive.base import Law, MaterialStep, Response
 from castfem.physics.constitutive.flow_laws import FlowCurve
 
 AXIAL, SIDES = 2, (0, 1)
-ITERATIONS = 60
-HALVINGS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class PullLimits:
+    """Limits of Newton's method for the free directions of a specimen."""
+
+    iterations: int = 60
+    halvings: int = 30  # of one step of it, until the residual falls
+
+
+LIMITS = PullLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +175,7 @@ def _balanced(
     """
     response = respond(increment)
     worst = np.inf
-    for _ in range(ITERATIONS):
+    for _ in range(LIMITS.iterations):
         residual = (response.stress - target)[:, free]
         tangent = response.tangent[:, free][:, :, free]
         size = np.linalg.norm(residual, axis=1)
@@ -184,7 +193,7 @@ def _balanced(
         tangent = tangent + lent[:, None, None] * np.eye(len(free))
         step = np.linalg.solve(tangent, residual[:, :, None])[:, :, 0]
         move[:, free] = np.where(moves[:, None], -step, 0.0)
-        for _halving in range(HALVINGS):
+        for _halving in range(LIMITS.halvings):
             response = respond(increment + move)
             new = np.linalg.norm((response.stress - target)[:, free], axis=1)
             worse = new > size * (1.0 + 1e-9)

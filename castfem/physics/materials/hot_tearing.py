@@ -25,10 +25,18 @@ from castfem.base.types import Array
 Fraction = Callable[[Array], Array]
 """Solid fraction over temperature in K."""
 
-POINTS = 16  # Gauss points in each panel of an integral over the mushy zone
-PANELS = 64
-NO_STRAIN = 1e-12  # rounding of zero strain
-PARTS = 8  # sub-steps in which a step is followed
+
+@dataclass(frozen=True, slots=True)
+class TearingNumerics:
+    """How integrals over the mushy zone and over a step are taken."""
+
+    panels: int = 64  # of an integral over the mushy zone
+    points: int = 16  # Gauss points in each of them
+    parts: int = 8  # sub-steps in which a step is followed
+    no_strain: float = 1e-12  # rounding of zero strain
+
+
+NUMERICS = TearingNumerics()
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +78,7 @@ def won_damage(strain: Array, time: Array, width: float, law: CriticalStrain = W
     """
     rate = strain / np.where(time > 0.0, time, np.inf)
     damage = strain / won_critical_strain(rate, width, law)
-    return np.where(strain > NO_STRAIN, damage, 0.0)
+    return np.where(strain > NUMERICS.no_strain, damage, 0.0)
 
 
 def clyne_davies(vulnerable: Array, relief: Array) -> Array:
@@ -109,8 +117,8 @@ def feeding_integrals(fraction: Fraction, start: float, end: float) -> tuple[flo
         A, K2, and B, K.
     """
     # Panels grow from the roots, where both integrands are steep.
-    edges = end + (start - end) * np.linspace(0.0, 1.0, PANELS + 1) ** 2
-    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    edges = end + (start - end) * np.linspace(0.0, 1.0, NUMERICS.panels + 1) ** 2
+    nodes, weights = np.polynomial.legendre.leggauss(NUMERICS.points)
     half = 0.5 * np.diff(edges)
     at = edges[:-1, None] + half[:, None] * (1.0 + nodes)
     fs = np.clip(fraction(at.ravel()).reshape(at.shape), 0.0, 1.0 - 1e-12)
@@ -180,7 +188,7 @@ def cubic_between(
     enthalpies have continuous rates, even where the temperature has a kink.
     """
     least, most, found = np.minimum(start, end), np.maximum(start, end), [start]
-    for s in np.linspace(0.0, 1.0, PARTS + 1)[1:-1]:
+    for s in np.linspace(0.0, 1.0, NUMERICS.parts + 1)[1:-1]:
         values = s**2 * (3.0 - 2.0 * s) * (end - start) + start
         values += duration * s * (1.0 - s) * ((1.0 - s) * rates[0] - s * rates[1])
         found.append(np.clip(values, least, most))

@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
-from castfem.physics.materials.alloyed_iron import AlloyedIron
+from castfem.physics.materials.alloyed_iron import HALVINGS, AlloyedIron
 from castfem.physics.materials.alloying import TRANSFORMATION_RISE, alloyed
 from castfem.physics.materials.hot_tearing import secondary_arm_spacing
 from castfem.physics.materials.iron_carbon import IronCarbon, Phases, Side, root
@@ -43,7 +43,6 @@ by 5."""
 MOST_CARBON = 1.0  # wt%
 FRACTIONS: Array = np.asarray(np.linspace(0.0, 1.0, 401), float)
 """Solid fractions at which the path is computed."""
-HALVINGS = 60  # bisections, to rounding
 ROUNDS, NEAR = 100, 1e-6  # iterations for the end of freezing, and their tolerance, K
 
 

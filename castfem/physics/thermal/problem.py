@@ -52,7 +52,7 @@ from castfem.physics.thermal.operators import (
     direct_options,
     iterative_options,
 )
-from castfem.physics.thermal.stage import LIMITS, TIGHT, Held, Stage
+from castfem.physics.thermal.stage import LIMITS, VERTEX, Held, Stage
 
 LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
 
@@ -94,7 +94,7 @@ class ThermalProblem:
         section: Section,
         curve: ThermalCurve,
         options: Options | None = None,
-        tolerance: float = TIGHT,
+        tolerance: float = VERTEX.tight,
         watch: Stopwatch | None = None,
         shape: Shape | None = None,
         operators: Operators | None = None,
@@ -123,7 +123,7 @@ class ThermalProblem:
         """The solver with a prefix, made on first use."""
         if prefix not in self._solvers:
             iterated = prefix == ITERATED
-            eased = iterated and self.tolerance > TIGHT
+            eased = iterated and self.tolerance > VERTEX.tight
             asked = self._asked if iterated else ()
             self._solvers[prefix] = SnesSolver(
                 self, self._theta, self.new_matrix(), prefix, self._options[prefix], self.watch,

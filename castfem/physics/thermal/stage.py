@@ -23,18 +23,22 @@ class BalanceLimits:
     rounding: float = 64 * np.finfo(float).eps  # rounding, relative to all heat in a sum
 
 
+@dataclass(frozen=True, slots=True)
+class VertexLimits:
+    """Tolerances of the temperature of a vertex, where a stage is solved for."""
+
+    tight: float = 1e-7  # K: if no accuracy of the time steps is given
+    of_step: float = 2e-4  # fraction of the allowed error of a time step; less gains nothing
+    loosest: float = 1e-2  # K: the largest, for steps without an error limit
+
+
 LIMITS = BalanceLimits()
-TIGHT = 1e-7
-"""K: tolerance of a vertex if no accuracy of the time steps is given."""
-OF_STEP = 2e-4
-"""Fraction of the allowed time step error used as tolerance of a vertex; less gains nothing."""
-LOOSEST = 1e-2
-"""K: largest tolerance, for steps without an error limit."""
+VERTEX = VertexLimits()
 
 
 def tolerance_of_steps(error: float) -> float:
     """Tolerance of a vertex (K) for adaptive steps with an allowed error (K)."""
-    return min(OF_STEP * error, LOOSEST)
+    return min(VERTEX.of_step * error, VERTEX.loosest)
 
 
 @dataclass(frozen=True, slots=True)

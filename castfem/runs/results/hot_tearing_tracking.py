@@ -83,8 +83,9 @@ class Follower:
                 if old.mechanical is not None and mechanical is not None:
                     added[:, 2] += self._mechanics.front_strain(old.mechanical, mechanical)
                 taken = self._strained(added, thermal.point.temperature)
-            part = duration / laws.PARTS
-            around, axial, gradient = taken[0] / laws.PARTS, taken[1] / laws.PARTS, taken[2]
+            parts = laws.NUMERICS.parts
+            part = duration / parts
+            around, axial, gradient = taken[0] / parts, taken[1] / parts, taken[2]
             ends = (old.rate, thermal.rate)
             values = laws.cubic_between(old.enthalpy, thermal.enthalpy, ends, duration)
             for before, after in pairwise(values):

@@ -1,0 +1,119 @@
+"""Work in processes of its own, whose times and memory are then those of this work alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+from time import perf_counter
+from typing import Any
+
+from benchmarks.report import ROOT
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """What a command took, s."""
+
+    processor: float  #: of the process and of those that it started and waited for
+    wall: float  #: by the clock
+
+
+def castfem(*words: str, environment: Mapping[str, str] | None = None) -> Spent:
+    """Run a command of castfem quietly in a process of its own.
+
+    Args:
+        words: What follows `castfem`.
+        environment: Variables that are added to those of this process.
+
+    Raises:
+        RuntimeError: It failed; holds what it wrote.
+    """
+    command = [sys.executable, "-m", "castfem.cli", *words, "-q"]
+    start, before = perf_counter(), getrusage(RUSAGE_CHILDREN)
+    _run(command, {**os.environ, **(environment or {})})
+    after = getrusage(RUSAGE_CHILDREN)
+    return Spent(sum(after[:2]) - sum(before[:2]), perf_counter() - start)  # user and system
+
+
+def launch(
+    module: str,
+    given: Mapping[str, Any],
+    ranks: int = 1,
+    environment: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """Run `module` in a process of its own, or under mpirun.
+
+    Args:
+        module: Takes its argument as JSON and gives its answer to `answer`.
+        given: Its argument.
+        ranks: Processes.
+        environment: Variables that are added to those of this process.
+
+    Raises:
+        RuntimeError: It failed; holds what it wrote.
+    """
+    command = [sys.executable, "-m", module, json.dumps(given)]
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("PMIX_", "PMI_"))}
+    clean |= environment or {}
+    if ranks > 1:
+        command = [shutil.which("mpirun") or "mpirun", "-n", str(ranks), *command]
+        # Two ranks on two cores of one machine, whoever runs them.
+        clean |= {
+            "OMPI_MCA_rmaps_base_oversubscribe": "1",
+            "OMPI_ALLOW_RUN_AS_ROOT": "1",
+            "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        }
+        clean.setdefault("OMPI_MCA_btl", "^tcp,ofi,uct")
+        # A rank that waits gives way: the cores may have other work.
+        clean.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
+        clean.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
+    written = _run(command, clean)
+    lines = [line for line in written.splitlines() if line.startswith("RESULT ")]
+    if not lines:
+        raise RuntimeError(f"{' '.join(command)}: no answer\n{written}")
+    found: dict[str, Any] = json.loads(lines[-1].removeprefix("RESULT "))
+    return found
+
+
+def argument() -> dict[str, Any]:
+    """What `launch` gave to this process."""
+    given: dict[str, Any] = json.loads(sys.argv[1])
+    return given
+
+
+def answer(found: Mapping[str, Any]) -> None:
+    """Tell `launch` what was found; on one rank alone."""
+    print("RESULT " + json.dumps(found))
+
+
+def peak() -> float:
+    """Largest resident memory of this process, bytes.
+
+    What `getrusage` says would begin with the memory of the process that started this one.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
+        if found:
+            return 1024.0 * float(found[1])
+    from castfem.base.stopwatch import peak_memory
+
+    return peak_memory()
+
+
+def _run(command: Sequence[str], environment: Mapping[str, str]) -> str:
+    """What a command wrote to its standard output."""
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)}:\n{done.stdout}\n{done.stderr}")
+    return done.stdout
