@@ -24,6 +24,7 @@ STUDIES = {
     "billet_trade": ("billet_trade", "billet.md"),
     "billet_cost": ("billet_cost", "benchmarks_mechanics.md"),
     "billet_grid": ("billet_grid", "coupling.md"),
+    "tolerance": ("tolerance", "mechanics.md"),
     "optimum_holds": ("optimum_holds", "mould_design.md"),
     "slabs": ("slabs", "slab_thesis.md"),
     "hot_tearing": ("hot_tearing", "hot_tearing.md"),

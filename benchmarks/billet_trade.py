@@ -56,7 +56,7 @@ class Setting:
         return f"{self.contact}, {'1 iteration' if self.iterations == 1 else 'converged'}"
 
 
-DEFAULT = Setting(0.8, 0.1)
+DEFAULT = Setting(0.8, 0.2)
 
 
 def reference(mould: str) -> dict[str, float]:

@@ -188,7 +188,7 @@ class Mechanics(TableModel):
     run"""
     strain: Literal["small", "large"] = "small"
     """small strain, or large with an objective update on the deformed slice"""
-    tolerance: Tolerance = 1e-8
+    tolerance: Tolerance = 1e-6
     """residual forces, relative to those of the stress"""
     planes: GeneralizedPlaneStrain = Field(
         default_factory=lambda: GeneralizedPlaneStrain.model_validate({})

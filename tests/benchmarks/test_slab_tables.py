@@ -113,7 +113,7 @@ def test_the_thesis_stands_in_brackets(tmp_path: Path) -> None:
 def test_what_is_best_known_is_finer_in_cells_and_in_windows(tmp_path: Path) -> None:
     """What depends on both by itself is that of fine cells with short windows; lines by rms."""
     rows = []
-    for one in slab_error.SETTINGS[:6]:
+    for one in (*slab_error.SETTINGS[:6], slab_error.SHIPPED):
         value = 10.0 + 2.0 * one.size + 0.1 * one.window
         line = " ".join(f"{0.001 * (value + shift):.7g}" for shift in (0.0, 3.0))
         row: dict[str, Any] = dict.fromkeys(slab_error.COMPARED, value)
@@ -125,12 +125,12 @@ def test_what_is_best_known_is_finer_in_cells_and_in_windows(tmp_path: Path) -> 
     output = Output(tmp_path, "slab_error.md")
     output.csv("slab_error", rows)
     told = {row["name"]: row for row in slab_error._told(output)}
-    assert told[slab_error.DEFAULT.name]["effort"] == pytest.approx(2.0 * 2.5 + 0.1 * 25.0)
+    assert told[slab_error.EVENLY.name]["effort"] == pytest.approx(2.0 * 2.5 + 0.1 * 25.0)
     assert told[slab_error.FINE_CELLS.name]["effort"] == pytest.approx(0.1 * 25.0)
-    assert told[slab_error.DEFAULT.name]["surface"] == pytest.approx(7.5e-3)
-    assert told[slab_error.DEFAULT.name]["bulge"] == pytest.approx(7.5)  # um of mm
+    assert told[slab_error.EVENLY.name]["surface"] == pytest.approx(7.5e-3)
+    assert told[slab_error.EVENLY.name]["bulge"] == pytest.approx(7.5)  # um of mm
     slab_error.show(output)
-    assert "| **5** | **50** |" in output.page.read_text(encoding="utf-8")
+    assert "| **5** | **25** | growing, 3e-5 |" in output.page.read_text(encoding="utf-8")
 
 
 def test_heat_goes_to_what_the_face_meets() -> None:

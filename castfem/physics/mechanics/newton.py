@@ -57,10 +57,11 @@ class LineSearchLimits:
     #: relative square of the residual below which a step has not overshot, whatever its work: along
     #: a correction of the size of rounding the work may have any sign
     nearly: float = 1e-2
-    #: multiple of the tolerance below which any reduction of the residual is accepted
-    almost: float = 10.0
+    #: residual stress, relative to the stress in the section, below which any reduction of the
+    #: residual is accepted
+    almost: float = 1e-7
     patience: int = 8  #: Newton iterations in which contact may overshoot
-    near: float = 1e4  #: multiple of the tolerance below which contacts are free to open
+    near: float = 1e-3  #: the same, below which contacts are free to open
 
 
 LIMITS = LineSearchLimits()
@@ -90,7 +91,7 @@ class LineSearch:
             local: Unknowns.
             step: Newton's correction, which is subtracted from them.
             iteration: Number of the correction in the solve, from 0.
-            imbalance: Residual at the unknowns, relative to the tolerance.
+            imbalance: Residual stress at the unknowns, relative to the stress in the section.
 
         Returns:
             The fraction (collective).

@@ -94,7 +94,7 @@ class MechanicalProblem(SliceParts):
         prefix = "mechanical_"
         shorten = None if "snes_linesearch_type" in options else self.shorten
         self._search = LineSearch(self.section.comm, self.interactions, self._residual)
-        self._left = np.inf  # residual relative to its tolerance at SNES's last check
+        self._left = np.inf  # relative residual stress at SNES's last check
         self.bordered = BorderedSystem(self._part.matrix, self.free, prefix, linear, symmetric)
         vector, operator = self.bordered.vector(), self.bordered.operator
         self.solver = SnesSolver(
@@ -196,7 +196,7 @@ class MechanicalProblem(SliceParts):
         """
         if not self.interactions.hold(True):
             return 0
-        self.residual_state, self._slack = None, LIMITS.near
+        self.residual_state, self._slack = None, max(LIMITS.near / self._criteria.tolerance, 1.0)
         result = self.solver.solve()
         self.interactions.hold(False)
         self.residual_state, self._slack = None, 1.0
@@ -361,9 +361,8 @@ class MechanicalProblem(SliceParts):
         assert self.residual_state is not None
         residual = f.getArray(readonly=True)
         sizes = self._criteria.sizes(self.residual_state, residual, self.planes.scaled.load)
-        found = {name: size / self._slack for name, size in sizes.items()}
-        self._left = max(found.values())
-        return found
+        self._left = max(sizes.values()) * self._criteria.tolerance
+        return {name: size / self._slack for name, size in sizes.items()}
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""
