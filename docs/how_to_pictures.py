@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 PAGES = HERE / "how_to"
-BLOCK = re.compile(r"((?:^[^\n]*\n)?)\n```(toml|text|sh)\n(.*?)^```$", re.M | re.S)
+BLOCK = re.compile(r"((?:^(?!```)[^\n]+\n)*)\n```(toml|text|sh)\n(.*?)^```$", re.M | re.S)
 WIDTH, COLOURS = 760, 128  # pixels, and a palette: lines on white need few
 SIZE, DPI = (7.6, 2.7), 200
 MID, CORNER, THIRD = "#0072b2", "#d55e00", "#009e73"  # Okabe and Ito, as in castfem's figures

@@ -40,13 +40,13 @@ def test_adaptive_steps_are_scaled_by_their_tolerance() -> None:
 
 
 def test_windows_and_the_steps_within_are_parted() -> None:
-    """The shipped step of 0.25 s is cut to the windows of 0.1 s: that is what is refined."""
+    """The shipped step of 0.25 s is cut to the windows of 0.2 s: that is what is refined."""
     case = load_case(TAPERED)
     assert sizes.steps_fill_windows(case)
-    assert sizes.changes(case, {"step": 0.5}) == {"thermal.time.step": "0.05 s"}
+    assert sizes.changes(case, {"step": 0.5}) == {"thermal.time.step": "0.1 s"}
     longer = sizes.changes(case, {"coupling": 2.0})
-    assert longer["coupling.interval"] == "0.2 s"
-    assert longer["thermal.time.step"] == "0.1 s"
+    assert longer["coupling.interval"] == "0.4 s"
+    assert longer["thermal.time.step"] == "0.2 s"
     assert "thermal.time.step" not in sizes.changes(case, {"coupling": 0.5})
 
 

@@ -202,7 +202,7 @@ def test_idealised_mould():
     assert ideal.mould is None
     assert ideal.mechanics is not None
     assert ideal.physics_hash() == load("billet125/idealised").physics_hash()
-    assert at_level(case, "coarse").coupling.interval == pytest.approx(0.2)
+    assert at_level(case, "coarse").coupling.interval == pytest.approx(0.4)
     along = at_level(case.with_({"coupling.interval": "6 mm"}), "fine")
     assert along.document()["coupling"]["interval"] == "3 mm"
     thermal = at_level(case, "thermal")

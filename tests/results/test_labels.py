@@ -177,6 +177,6 @@ def test_what_is_not_right_is_told(
         "forces in the plane": {"error": Quantity(force, "-", "")},
     }
     summary = Summary("", "finished", {}, {}, balances=balances)
-    case = small({"mechanics": {}})
+    case = small({"mechanics": {"tolerance": 1e-8}})
     found = list(run_warnings(summary, case, warmed))
     assert [line[: len(one)] for line, one in zip(found, told, strict=True)] == told
