@@ -11,6 +11,7 @@ from typing import Any, cast
 import click
 
 from castfem.base.errors import InputError, RunFailure
+from castfem.base.units import nearest
 from castfem.cli.command import Argument, command
 from castfem.cli.options import (
     PATH,
@@ -196,7 +197,8 @@ def identify(
 ) -> None:
     """Fit the modified Norton-Hoff law (163) to tensile curves."""
     if softening not in _SOFTENINGS:
-        raise InputError(f"--softening '{softening}': one of {', '.join(_SOFTENINGS)}")
+        near = nearest(softening, _SOFTENINGS)
+        raise InputError(f"--softening '{softening}': one of {', '.join(_SOFTENINGS)}{near}")
     if degree is not None and degree < 0:
         raise InputError(f"--degree {degree}: a number from 0 on, or leave it out")
     target = output or Path(data.name).with_suffix(".toml")

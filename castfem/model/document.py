@@ -61,8 +61,8 @@ class Document:
     label: str  #: name of the requested file
     #: file (or "--set") in which a key, or the table that contains it, was written
     origins: dict[Keys, str] = field(default_factory=dict)
-    #: file (or "--set") that last wrote into a table begun by another
-    joined: dict[Keys, str] = field(default_factory=dict)
+    #: origins of the keys, the latest last
+    layers: list[str] = field(default_factory=list)
     #: complete messages about files and overrides that could not be used
     faults: list[str] = field(default_factory=list)
     #: dotted keys that were overridden, and their new values
@@ -77,9 +77,10 @@ class Document:
                 return self.origins[path[:end]]
         return self.label
 
-    def place(self, path: Keys) -> str:
-        """Return the file to correct: for a table written in several files the last of them."""
-        return self.joined.get(path) or self.origin(path)
+    def place(self, paths: Collection[Keys]) -> str:
+        """Return the file to correct: of keys written in several files the last of them."""
+        written = {self.origin(path) for path in paths}
+        return next((one for one in reversed(self.layers) if one in written), min(written))
 
 
 def read(path: Path) -> Document:
@@ -122,7 +123,7 @@ def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) 
     inherited = _read(below, os.path.normpath(below), chain)
     document.faults += inherited.faults
     document.data, document.origins = inherited.data, inherited.origins
-    document.joined = inherited.joined
+    document.layers = inherited.layers
     document.left_out = inherited.left_out
 
 
@@ -233,7 +234,6 @@ def _merge(
             continue
         tables = isinstance(value, dict) and isinstance(under.get(key), dict)
         if tables and here not in _UNDIVIDED:
-            document.joined[here] = label
             _merge(document, under[key], value, here, label)
         else:
             _forget(document, here)
@@ -263,9 +263,8 @@ def _any_entry(path: Keys) -> Keys:
 
 def _forget(document: Document, path: Keys) -> None:
     """Drop the recorded origins at and below a path."""
-    for places in (document.origins, document.joined):
-        for known in [k for k in places if k[: len(path)] == path]:
-            del places[known]
+    for known in [k for k in document.origins if k[: len(path)] == path]:
+        del document.origins[known]
 
 
 def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[str]) -> None:
@@ -276,6 +275,7 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
         before: The tables before the layer.
         labels: Origins of the layer's keys.
     """
+    document.layers += [one for one in labels if one not in document.layers]
 
     def inherited(path: Keys) -> bool:
         return document.origin(path) not in labels

@@ -156,6 +156,21 @@ def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_
         load_case(top)
 
 
+def test_keys_that_exclude_each_other_are_said_of_the_file_of_the_later_one(write, sound):
+    spray = 'law = "spray"\nflow = "9 L/min"\ncorrelation = "nozaki"\nwater_temperature = "25 degC"'
+    write(sound + f"[[cooling.surface]]\n{spray}\n", "base.toml")
+    more = write('extends = "base.toml"\n[cooling.air.spray]\nshare = 0.5\n', "more.toml")
+    write('extends = "more.toml"\n[cooling.air.spray]\nmachine_factor = 4\n', "last.toml")
+    for name, given, where in (
+        ("last", [], str(more)),
+        ("base", ["cooling.air.spray.share=0.5"], "--set"),
+    ):
+        with pytest.raises(InputError) as caught:
+            load_case(more.parent / f"{name}.toml", given)
+        told = [p for p in caught.value.problems if "flow and share exclude each other" in p]
+        assert [line.partition(": ")[0] for line in told] == [where]
+
+
 def test_extends_in_a_circle(write):
     write('extends = "b.toml"\n', "a.toml")
     path = write('extends = "a.toml"\n', "b.toml")

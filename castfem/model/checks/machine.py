@@ -23,7 +23,7 @@ def _has_rolls(case: Case, table: Machine) -> Faults:
     if table.rolls is None and not table.segment:
         yield "", 'has no rolls; rolls = "rolls.csv", or first = "900 mm" and [[machine.segment]]'
     elif table.rolls is not None and table.segment:
-        yield "", "rolls and segment exclude each other; give one of the two"
+        yield "rolls+segment", "rolls and segment exclude each other; give one of the two"
     elif table.segment and table.first is None:
         fix = 'where the first pair of the segments stands, such as "900 mm"'
         yield "first", f"is missing; {fix}"

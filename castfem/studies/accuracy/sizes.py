@@ -15,6 +15,7 @@ from functools import lru_cache
 from typing import Any
 
 from castfem.base.errors import InputError, choices
+from castfem.base.units import nearest
 from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
@@ -61,7 +62,8 @@ def factors_of(word: str) -> dict[str, float]:
     """
     level = LEVELS.get(word)
     if level is None:
-        raise InputError(f"--accuracy {word}: unknown; use one of {choices(LEVELS)}")
+        near = nearest(word, LEVELS)
+        raise InputError(f"--accuracy {word}: unknown; use one of {choices(LEVELS)}{near}")
     return {MESH: level.cells, STEP: level.window, COUPLING: level.window}
 
 
