@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from castfem.base.csv_files import unreadable
 from castfem.base.errors import InputError, shown
-from castfem.base.units import nearest
 from castfem.model import inheritance, key_names
 from castfem.model.base import PROPERTY_FILES, is_path
 from castfem.model.case import Case
@@ -77,9 +77,15 @@ class Document:
                 return self.origins[path[:end]]
         return self.label
 
-    def place(self, paths: Collection[Keys]) -> str:
-        """Return the file to correct: of keys written in several files the last of them."""
+    def place(self, paths: Collection[Keys], table: bool = False) -> str:
+        """Return the file to correct: the last one that wrote one of some keys, or below it.
+
+        Below a `table`, of which any key may be meant, only files count, not "--set".
+        """
         written = {self.origin(path) for path in paths}
+        for key, one in self.origins.items():
+            if any(key[: len(path)] == path for path in paths) and not (table and one == SET):
+                written.add(one)
         return next((one for one in reversed(self.layers) if one in written), min(written))
 
 
@@ -133,11 +139,8 @@ def _load(path: Path, document: Document) -> dict[str, Any] | None:
     try:
         text = path.read_text(encoding="utf-8-sig")
         return tomllib.loads(text)
-    except FileNotFoundError:
-        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
-        document.faults.append(f"{label}: file not found{near}")
     except OSError as error:
-        document.faults.append(f"{label}: cannot be read: {error.strerror}")
+        document.faults.append(f"{label}: {unreadable(path, error)}")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         document.faults.append(f"{label}: line {line}: is not UTF-8 text; save it in that encoding")

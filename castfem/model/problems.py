@@ -86,7 +86,10 @@ def _text(
         names, word = _literals(str(context.get("expected"))), details["input"]
         return f"not possible ({shown(word)}); one of {choices(names)}{nearest(str(word), names)}"
     if kind == "value_error":
-        return f"{context['error']}{given}"
+        text = str(context["error"])
+        named = value.get("file") if isinstance(value, Mapping) else value
+        again = f"'{named}'" in text or f'"{named}"' in text
+        return text if again else f"{text}{given}"
     if kind in ("tuple_type", "list_type") and isinstance(value, Mapping):
         return f"must be a list of tables, each of which begins with {_entry(path)}{given}"
     if kind == "greater_than_equal" and context.get("ge"):

@@ -219,7 +219,9 @@ def test_own_file_without_its_path(tmp_path):
 def test_missing_file(tmp_path):
     (tmp_path / "mine.toml").write_text(SOUND)
     line = only("./mime.toml", tmp_path)
-    assert "file not found" in line and line.endswith("did you mean mine.toml?")
+    assert line == 'steel.name ("./mime.toml"): file not found; did you mean mine.toml?'
+    line = only("./none/mime.toml", tmp_path)
+    assert line.endswith(f"there is no folder {tmp_path}/none: correct the path")
 
 
 def test_syntax_error_names_the_line(write):

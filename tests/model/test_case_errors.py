@@ -329,7 +329,7 @@ def test_file_not_found_names_the_nearest(write, tmp_path):
 
 
 def test_folder_instead_of_file(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder; name a file"):
         load_case(tmp_path)
 
 

@@ -128,7 +128,7 @@ def _from_file(path: Path) -> Rolls:
     try:
         file = read_csv(path)
     except UnreadableError as error:
-        raise ValueError(f"cannot read the rolls '{path}': {error}") from None
+        raise ValueError(f"'{path}': {error}") from None
     if not file.rows:
         raise ValueError(
             f"'{path}' has no rolls; it needs a header and one row per pair: {_HEADER}"

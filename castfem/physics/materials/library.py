@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from castfem.base.csv_files import unreadable
 from castfem.base.errors import InputError, choices, dotted, shown
 from castfem.base.quantities import PERCENT
 from castfem.base.units import nearest
@@ -131,12 +132,11 @@ def _locate(name: str, base: Path, origin: str) -> Path:
     """Return the file of a steel."""
     if name.endswith(".toml") or "/" in name or os.sep in name:
         path = base / name
-        if path.is_file():
-            return path
-        if path.is_dir():
-            raise InputError(f'{origin}.name ("{name}"): is a folder, a file is needed')
-        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
-        raise InputError(f'{origin}.name ("{name}"): file not found: {path}{near}')
+        try:
+            path.open().close()
+        except OSError as error:
+            raise InputError(f'{origin}.name ("{name}"): {unreadable(path, error)}') from None
+        return path
     path = FOLDER / f"{name}.toml"
     if name and path.is_file():
         return path
@@ -168,7 +168,7 @@ def _parse(path: Path, label: str) -> dict[str, Any]:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
-        raise InputError(f"{label}: cannot be read: {error.strerror}") from None
+        raise InputError(f"{label}: {unreadable(path, error)}") from None
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise InputError(
