@@ -27,6 +27,9 @@ COLUMNS = ("position", "diameter", "aperture", *RADII, "driven", "capacity", "si
 _OF_EDGE = ("position", "diameter", "aperture")  # columns of a pair at the narrow faces
 _HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
 _SIZES = 5.0  # largest ratio of aperture and section, either way
+# Smallest ratio at which a strand can pass: reduction with a liquid core takes up to about a third
+# off a thin slab (from memory).
+_PASSES = 0.6
 _YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
 
 
@@ -362,6 +365,10 @@ def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
     if not thickness / _SIZES <= aperture <= thickness * _SIZES:
         text = f"the section between the rolls measures {1e3 * thickness:g} mm; is its unit right?"
         yield Fault(index, "size", f"aperture ({1e3 * aperture:g} mm): {text}")
+        return
+    if aperture < _PASSES * thickness:
+        text = f"a section of {1e3 * thickness:g} mm cannot pass between these rolls; is one of the"
+        yield Fault(index, "passes", f"aperture ({1e3 * aperture:g} mm): {text} two wrong?")
         return
     inner = (1.0 - INWARD[rolls.face]) * aperture + pair.diameter
     if abs(pair.radius) <= inner:
