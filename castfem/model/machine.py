@@ -30,7 +30,8 @@ class RollTable(Notation):
 
     def read(self, given: object) -> Rolls | None:
         """Return the rolls, or raise ValueError."""
-        from castfem.physics.machine.rolls import Rolls, read_rolls
+        from castfem.physics.machine.roll_table import read_rolls
+        from castfem.physics.machine.rolls import Rolls
 
         if given is None or isinstance(given, Rolls):
             return given
@@ -42,13 +43,13 @@ class RollTable(Notation):
 
     def write(self, value: Rolls | None) -> Any:
         """Return what reads back to the same rolls."""
-        from castfem.physics.machine.rolls import columns_of
+        from castfem.physics.machine.roll_table import columns_of
 
         return None if value is None else columns_of(value)
 
     def json_schema(self) -> dict[str, Any]:
         """See `Notation.json_schema`."""
-        from castfem.physics.machine.rolls import COLUMNS, KINDS
+        from castfem.physics.machine.roll_table import COLUMNS, KINDS
 
         ways = schema_of_columns(
             COLUMNS,
