@@ -16,7 +16,7 @@ from castfem.model.checks.ranges import _kinds
 from castfem.model.problems import submodels
 from castfem.model.tensile import TensileCase
 from castfem.physics.constitutive.flow_laws import RadialReturn
-from castfem.physics.machine.rolls import KINDS as ROLLS
+from castfem.physics.machine.roll_table import KINDS as ROLLS
 from castfem.physics.materials import load_steel
 from castfem.physics.materials.plausible import unusual
 

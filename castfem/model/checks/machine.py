@@ -14,7 +14,6 @@ from castfem.model.section import Rectangle, Strip
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
-    from castfem.model.machine import Machine
     from castfem.physics.machine.rolls import Fault, Rolls
 
 

@@ -7,7 +7,7 @@ from the sum, and grows more slowly.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Protocol
@@ -20,7 +20,7 @@ from castfem.physics.thermal.mould_flux import with_slope
 from castfem.physics.thermal.spray_correlations import Correlation, flows_up_to
 
 
-class Coefficient(Protocol):
+class Coefficient(Hashable, Protocol):
     """Heat transfer coefficient h of a nozzle model for the water on a surface."""
 
     def __call__(self, water: Array, surface: Array) -> Array:
