@@ -76,11 +76,10 @@ def sizes_of(path: Path, overrides: Sequence[str], accuracy: str) -> list[str]:
     if accuracy == DEFAULT:
         return []
     from castfem.model import load_case
-    from castfem.studies.accuracy.sizes import assignments
+    from castfem.studies.accuracy.sizes import assignments, titled
 
     case = load_case(path, overrides)
-    title = json.dumps(f"{case.title}; {accuracy} accuracy")
-    return [*assignments(case, accuracy), f"title={title}"]
+    return [*assignments(case, accuracy), f"title={json.dumps(titled(case, accuracy))}"]
 
 
 Asked = TypeVar("Asked", bound=Request)

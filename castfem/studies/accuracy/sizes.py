@@ -67,6 +67,16 @@ def factors_of(word: str) -> dict[str, float]:
     return {MESH: level.cells, STEP: level.window, COUPLING: level.window}
 
 
+def at_accuracy(case: Case, word: str) -> Case:
+    """Return a case at an accuracy level, with a title that says so."""
+    return case.with_(changes(case, factors_of(word)) | {"title": titled(case, word)})
+
+
+def titled(case: Case, word: str) -> str:
+    """Return the title of a case at an accuracy level."""
+    return f"{case.title}; {word} accuracy"
+
+
 def assignments(case: Case, word: str) -> list[str]:
     """Return the changes of a case for an accuracy level: KEY=VALUE, as for --set."""
     return [f"{key}={value}" for key, value in changes(case, factors_of(word)).items()]
