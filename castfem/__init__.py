@@ -37,10 +37,9 @@ from typing import TYPE_CHECKING, Any
 from castfem.base import libraries
 
 if TYPE_CHECKING:
-    from castfem.api import Result, Snapshot, caster, run, sensitivities
+    from castfem.api import Result, Snapshot, caster, load, run, sensitivities
     from castfem.base.errors import CastfemError, InputError, RunFailure
     from castfem.base.result_registry import quantity
-    from castfem.model.load import load
     from castfem.several_runs import (
         comparison,
         error_table,

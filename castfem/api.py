@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.base.process import collected, one_at_a_time
-from castfem.model.load import as_case, load
+from castfem.model import load as reading
+from castfem.model.load import as_case
 from castfem.runs.run_result import RunResult, Snapshot, nearest_index
 
 if TYPE_CHECKING:
@@ -33,6 +34,27 @@ if TYPE_CHECKING:
     from castfem.studies.sensitivity.result import Sensitivity
 
 __all__ = ["Result", "Snapshot", "caster", "load", "run", "sensitivities"]
+
+
+def load(name: str | Path, accuracy: str = "default") -> Case:
+    """Return a checked case from a file, or one shipped with castfem.
+
+    Args:
+        name: Path of a case file, with or without .toml, or the name of a shipped case
+            ("billet125/thermal").
+        accuracy: That of cells, steps and windows, as for --accuracy: "coarse", "default" for the
+            case's own, or "fine".
+
+    Raises:
+        InputError: There is no such case or accuracy, or the case is faulty; all faults, one line
+            each.
+    """
+    case = reading.load(name)
+    if accuracy == "default":
+        return case
+    from castfem.studies.accuracy.sizes import at_accuracy
+
+    return at_accuracy(case, accuracy)
 
 
 @one_at_a_time()

@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from castfem.base.units import nearest
+
 DECIMAL_COMMAS = "numbers with decimal commas need semicolons between the columns"
 _NUMBER = re.compile(r"[+-]?(?=[.,]?\d)([\d.,]+)(?:[eE][+-]?\d+)?(?=\s|$)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}(?=\s|$)")  # or three decimals
@@ -73,10 +75,22 @@ def read_csv(path: Path) -> CsvFile:
             raise UnreadableError("is a pipe, not a file; write it to a file first")
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
-        raise UnreadableError(error.strerror or str(error)) from None
+        raise UnreadableError(unreadable(path, error)) from None
     except UnicodeDecodeError:
         raise UnreadableError("is not UTF-8 text; save it in that encoding (CSV UTF-8)") from None
     return parse_csv(lines)
+
+
+def unreadable(path: Path, error: OSError) -> str:
+    """Say why a file cannot be read, and for a missing one what to do; without its name."""
+    if isinstance(error, FileNotFoundError):
+        if not path.parent.is_dir():
+            return f"file not found; there is no folder {path.parent}: correct the path"
+        beside = sorted(one.name for one in path.parent.glob(f"*{path.suffix}"))
+        return f"file not found{nearest(path.name, beside) or '; correct the path'}"
+    if isinstance(error, IsADirectoryError):
+        return "is a folder; name a file"
+    return f"cannot be read: {error.strerror or error}"
 
 
 def parse_csv(lines: Sequence[str]) -> CsvFile:

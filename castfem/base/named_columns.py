@@ -59,7 +59,7 @@ class Columns:
         try:
             file = read_csv(path)
         except UnreadableError as error:
-            raise ValueError(f"cannot read the {self.what} '{path}': {error}") from None
+            raise ValueError(f"the {self.what} '{path}': {error}") from None
         names = [heading.name for heading in file.headings]
         if not file.rows or not self._are_those(names):
             text = f"a header and rows are needed: {self.header}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from castfem.base import units
@@ -218,9 +218,7 @@ class OrWord(Notation):
             if isinstance(given, Mapping):
                 raise
             names = ", ".join(self.words if self.called else (f'"{word}"' for word in self.words))
-            near = (
-                units.nearest(given, self.words) if self.called and isinstance(given, str) else ""
-            )
+            near = units.nearest(given, self.words) if isinstance(given, str) else ""
             raise ValueError(f"{error}; or {self.called}{names}{near}") from None
 
     def write(self, value: Any) -> Any:
@@ -298,9 +296,9 @@ PositiveDifference = Annotated[float, Kind("K", "K", difference=True, above=0.0)
 HeatTransferCoefficient = Annotated[float, Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0)]
 Conductivity = Annotated[float, Kind("W/(m K)", "W/(m K)", above=0.0)]
 PositiveNumber = Annotated[float, Kind("1", above=0.0)]
-Percent = Annotated[
-    float, PercentKind("1", least=0.0, most=100.0, label="weight percent", sample="0.42")
-]
+PERCENT = PercentKind("1", label="weight percent", sample="0.42")
+"""Weight percent without bounds, for whoever tells them itself."""
+Percent = Annotated[float, replace(PERCENT, least=0.0, most=100.0)]
 InverseLength = Annotated[
     float, Kind("1/m", "1/m", least=0.0, label="absorption per length", sample="400 1/m")
 ]

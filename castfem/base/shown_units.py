@@ -91,7 +91,8 @@ class ShownUnits:
             raise ValueError('"plant", "si", or a table such as {temperature = "degF"} is needed')
         system = table.get("system", "plant")
         if system not in SYSTEMS:
-            raise ValueError(f'"{system}" is not a system of units; use "plant" or "si"')
+            near = units.nearest(str(system), SYSTEMS)
+            raise ValueError(f'"{system}" is not a system of units; use "plant" or "si"{near}')
         own = {str(key): unit for key, unit in table.items() if key != "system"}
         for key, unit in own.items():
             if not isinstance(unit, str):

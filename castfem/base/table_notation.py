@@ -251,7 +251,7 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> tuple[dict[str, Any],
     try:
         file = read_csv(path)
     except UnreadableError as error:
-        raise ValueError(f"cannot read the table '{path}': {error}") from None
+        raise ValueError(f"the table '{path}': {error}") from None
     header = f"{over} [unit], value [unit]"
     if not file.headings:
         raise ValueError(f"'{path}' is empty; its first line must be '{header}'")

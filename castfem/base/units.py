@@ -13,35 +13,15 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
+
+from castfem.base.unit_names import COMMON, KNOWN, NAMES, alike, letters
 
 if TYPE_CHECKING:
     import pint
-
-
-# Unit -> factor to SI, and the SI units of the same dimension: first the one in `units.NAMES`, then
-# others.
-_WRITTEN = {
-    "%": ("1/100", "1"), "percent": ("1/100", "1"), "%/m": ("1/100", "1/m"),
-    "percent/m": ("1/100", "1/m"), "1/m": ("1", "1/m"), "1/K": ("1", "1/K"), "1/s": ("1", "1/s"),
-    "K": ("1", "K"), "m": ("1", "m"), "mm": ("1/1000", "m"), "um": ("1/1000000", "m"),
-    "s": ("1", "s"), "ms": ("1/1000", "s"), "min": ("60", "s"),
-    "deg": ("14964008/857374503", "rad"), "m/s": ("1", "m/s"), "m/min": ("1/60", "m/s"),
-    "L/(m^2 s)": ("1/1000", "m/s"), "L/min": ("1/60000", "m^3/s"),
-    "W/(m^2 K)": ("1", "W/(m^2 K)"), "W/(m K)": ("1", "W/(m K)"), "W/m^2": ("1", "W/m^2"),
-    "kW/m^2": ("1000", "W/m^2"), "MW/m^2": ("1000000", "W/m^2"), "kW": ("1000", "W"),
-    "kg/m^3": ("1", "kg/m^3"), "J/(kg K)": ("1", "J/(kg K)"), "J/kg": ("1", "J/kg"),
-    "kJ/kg": ("1000", "J/kg"), "Pa": ("1", "Pa"), "MPa": ("1000000", "Pa"),
-    "GPa": ("1000000000", "Pa"), "J": ("1", "J"), "kJ": ("1000", "J"), "J/m": ("1", "J/m"),
-    "kJ/m": ("1000", "J/m"), "MJ/m": ("1000000", "J/m"), "kN": ("1000", "J/m", "N"),
-    "kN m": ("1000", "J", "N m"), "kN/m": ("1000", "kilogram/second**2"),
-}  # fmt: skip
-COMMON: Mapping[str, tuple[Fraction, tuple[str, ...]]] = {
-    unit: (Fraction(factor), tuple(names)) for unit, (factor, *names) in _WRITTEN.items()
-}
 
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*")
@@ -49,48 +29,12 @@ _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.
 LARGEST = 1e300
 """Largest number, in any unit."""
 
-# SI unit -> (quantity, example of a value)
-NAMES: dict[str, tuple[str, str]] = {
-    "1": ("number without unit", "0.8"),
-    "K": ("temperature", "160 degC"),
-    "m": ("length", "125 mm"),
-    "s": ("time", "0.5 s"),
-    "m/s": ("speed", "3.6 m/min"),
-    "1/m": ("change per length", "1 percent/m"),
-    "1/K": ("expansion coefficient", "13.5e-6 1/K"),
-    "1/s": ("rate", "1e-3 1/s"),
-    "W/(m^2 K)": ("heat transfer coefficient", "1600 W/(m^2 K)"),
-    "W/(m K)": ("conductivity", "30 W/(m K)"),
-    "W/m^2": ("heat flux", "2 MW/m^2"),
-    "kg/m^3": ("density", "7400 kg/m^3"),
-    "J/(kg K)": ("specific heat", "700 J/(kg K)"),
-    "J/kg": ("latent heat", "270 kJ/kg"),
-    "Pa": ("pressure", "10 MPa"),
-    "rad": ("angle", "45 deg"),
-    "J": ("heat", "142.7 kJ"),
-    "W": ("power", "2 kW"),
-    "J/m": ("heat per length", "2.4 MJ/m"),
-    "kg": ("mass", "3 kg"),
-    "m^2": ("area", "4 cm^2"),
-    "kg/(m^2 s)": ("mass flow per area", "5 kg/(m^2 s)"),
-    "J/m^3": ("heat per volume", "2 GJ/m^3"),
-    "m^2/s": ("diffusivity", "6 mm^2/s"),
-    "m^3/s": ("volume flow", "240 L/min"),
-}
-
-# Usual units; the nearest one is proposed for a misspelt unit.
-_KNOWN = {
-    *("m", "mm", "cm", "um", "km", "inch", "ft", "s", "ms", "min", "hour", "m/min", "m/s", "mm/s"),
-    *("K", "degC", "degF", "degR", "W", "kW", "MW", "J", "kJ", "MJ", "Pa", "kPa", "MPa", "GPa"),
-    *("bar", "psi", "N", "kN", "kg", "g", "t", "mol", "percent", "ppm", "deg", "rad", "L"),
-    *("W/m^2", "kW/m^2", "MW/m^2", "W/(m^2 K)", "kW/(m^2 K)", "W/(m K)", "J/(kg K)", "kJ/(kg K)"),
-    *("J/kg", "kJ/kg", "kg/m^3", "L/(m^2 s)", "L/min", "percent/m", "1/K", "1/s"),
-}
 # Scale and offset to kelvin of temperature scales that do not begin at absolute zero.
 _OFFSET_SCALES = {
     "degree_Celsius": (Fraction(1), Fraction(27315, 100)),
     "degree_Fahrenheit": (Fraction(5, 9), Fraction(45967, 180)),
 }
+_COMPOSED = "write products and powers like W/(m^2 K)"
 _ROUNDING = Fraction(1, 10**15)  # of pint's factors, which are products of several floats
 
 
@@ -110,14 +54,13 @@ def _tidy(unit: str) -> str:
     return re.sub(r"\b(m|mm|cm|s|K)(-?[1-4])\b", r"\1^\2", unit)
 
 
-def _unknown(unit: str) -> str:
-    """Message for an unknown unit, with the nearest known one."""
-    known = {_letters(name): name for name in sorted(_KNOWN, reverse=True)}
-    near = difflib.get_close_matches(_letters(_tidy(unit)), known, n=1, cutoff=0.7)
-    text = f"unit '{unit}' is not known"
-    if near:
-        return f"{text}; did you mean {known[near[0]]}?"
-    return f"{text}; write products and powers like W/(m^2 K)"
+def _unknown(
+    unit: str, si: str = "", difference: bool = False, wanted: str = _COMPOSED
+) -> ValueError:
+    """Return the error of an unknown unit, with the nearest one for what is measured in `si`."""
+    fitting = [name for name in sorted(KNOWN) if not si or _si_of(name) == _si_of(si)]
+    near = alike(_tidy(unit), [si] if difference else fitting)
+    return ValueError(f"unit '{unit}' is not known; {f'did you mean {near}?' if near else wanted}")
 
 
 def _meant(unit: str, example: str, target: pint.Unit) -> str:
@@ -128,21 +71,28 @@ def _meant(unit: str, example: str, target: pint.Unit) -> str:
     """
     per = example.partition("/")[2]
     whole = [f"{unit}/{per}"] if per and "/" not in unit else []
-    alike = sorted(name for name in _KNOWN if _letters(name) == _letters(unit))
+    alike = sorted(name for name in KNOWN if letters(name) == letters(unit))
     right = target.dimensionality
     return next((one for one in whole + alike if _parse_unit(one).dimensionality == right), "")
 
 
 _NEAR = 0.6  # similarity of the letters: "stirrer" is not "water", with which it shares half
+_PART = 3  # letters of a beginning that stands for the whole name
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Return "; did you mean X?" with the allowed name nearest to `name`, "" if none is near."""
+    """Return "; did you mean X?" with the allowed name nearest to `name`, "" if none is near.
+
+    A name is also near if it, or one of its words, begins with `name`: "savage" is near
+    "savage_pritchard".
+    """
     bare = {_stem(choice): choice for choice in allowed}
     lower = {choice.lower(): choice for choice in bare}
+    given = _stem(name).lower()
     near = difflib.get_close_matches(_stem(name), bare, 1, _NEAR)
-    if not near:
-        near = [lower[n] for n in difflib.get_close_matches(_stem(name).lower(), lower, 1, _NEAR)]
+    near = near or [lower[n] for n in difflib.get_close_matches(given, lower, 1, _NEAR)]
+    if not near and len(given) >= _PART:
+        near = [lower[n] for n in lower if f"_{given}" in "_" + re.sub(r"\W", "_", n)]
     return f"; did you mean {bare[near[0]]}?" if near else ""
 
 
@@ -151,17 +101,12 @@ def _stem(name: str) -> str:
     return name.removesuffix(".toml").removesuffix(".csv")
 
 
-def _letters(unit: str) -> str:
-    """Return only the letters and digits of a unit: "W/m2K" and "W/(m^2 K)" become equal."""
-    return re.sub(r"[^a-z0-9]", "", unit.lower())
-
-
 def _a(name: str) -> str:
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
-def _parse_unit(unit: str) -> pint.Unit:
-    """Return pint's unit for a text; raise ValueError with the nearest known spelling."""
+def _parse_unit(unit: str, unknown: Callable[[str], ValueError] = _unknown) -> pint.Unit:
+    """Return pint's unit for a text; raise the error that `unknown` returns if there is none."""
     if len(unit) > 60:
         raise ValueError(f"'{unit[:20]}...' is too long for a unit")
     try:
@@ -169,7 +114,7 @@ def _parse_unit(unit: str) -> pint.Unit:
     except RecursionError:
         raise
     except Exception as error:  # pint's tokenizer raises assertion, token and key errors
-        raise ValueError(_unknown(unit)) from error
+        raise unknown(unit) from error
 
 
 def _name_of(unit: pint.Unit) -> str:
@@ -213,7 +158,9 @@ def _conversion(
         if si == "1":
             return Fraction(1), Fraction(0)
         raise ValueError(f'{_a(name)} needs its unit, such as "{example}"')
-    parsed, target = _parse_unit(unit), _registry().parse_units("" if si == "1" else si)
+    wanted = f'{_a(name)} is needed, such as "{example}"'
+    parsed = _parse_unit(unit, partial(_unknown, si=si, difference=difference, wanted=wanted))
+    target = _registry().parse_units("" if si == "1" else si)
     if parsed.dimensionality != target.dimensionality:
         fix = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
         if meant := _meant(unit, example, target):
@@ -223,7 +170,7 @@ def _conversion(
         else:
             found = _name_of(parsed)
             problem = f"is the unit of {_a(found)}" if found else "does not fit"
-        raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{fix}")
+        raise ValueError(f"'{unit}' {problem}, {wanted}{fix}")
     if str(parsed) in _OFFSET_SCALES:
         if difference:
             raise ValueError(f'{_a(name)} is written in kelvin, such as "{example}", not in {unit}')

@@ -13,7 +13,7 @@ from castfem.base.shown_units import shown_in
 from castfem.base.table import say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import Request, chosen, read_from
-from castfem.model import load_case, shipped_cases
+from castfem.model import shipped_cases
 from castfem.post.compare.study_tables import error_tables, main_names, quantity_of, without_error
 from castfem.runs.output.folder import ERROR_ENDING, ERROR_NAME
 from castfem.runs.output.run_record import RUN_NAME
@@ -51,7 +51,7 @@ def _prepared(options: Options, ranks: bool) -> many_runs.Work:
     folder = options.folder or named.with_name(named.name + ERROR_ENDING)
     check_folder(folder)
     path = shipped_cases.find(options.name)
-    case = load_case(path, options.overrides)
+    case = options.case(path)
     options.check_reached(case.casting.length)
     with read_from(path):
         cell_count(case)  # a case that cannot be meshed is refused here, not by each of its runs
@@ -100,12 +100,15 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
 def _propose(table: ErrorTable, options: Options) -> None:
     """Print the mesh sizes for an error, how long a run with them takes, and its command."""
     found = propose(table, main_names(table.quantities), read_share(options.to))
-    case = load_case(shipped_cases.find(options.name), options.overrides)
+    path = shipped_cases.find(options.name)
+    case = options.case(path)
     words = ", ".join(f"{axis} x {factor:.3g}" for axis, factor in found.factors.items())
     took = f"about {duration(found.seconds)} instead of {duration(found.now)}"
     print(f"errors of {options.to}: {words}; {took}")
-    given = [*options.overrides]
-    given += [f"{key}={value}" for key, value in changes(case, found.factors).items()]
+    sizes = dict(one.split("=", 1) for one in options.sizes(path))
+    sizes.pop("title", None)
+    sizes |= changes(case, found.factors)
+    given = [*options.overrides, *(f"{key}={value}" for key, value in sizes.items())]
     settings = " ".join(f"--set {shlex.quote(text)}" for text in given)
     print(f"castfem run {shlex.quote(options.name)} {settings} -o FOLDER")
     for name, left in found.unreached.items():

@@ -17,7 +17,7 @@ from castfem.base.table import Table, say
 from castfem.base.units import nearest
 from castfem.cli import many_runs, parallel
 from castfem.cli.many_runs import View
-from castfem.cli.options import chosen
+from castfem.cli.options import DEFAULT, chosen, sizes_of
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
 from castfem.post.plots.studies import Compared, calibration_figure
@@ -51,6 +51,7 @@ def calibrate_case(
     overrides: Sequence[str] = (),
     processes: int | None = None,
     *,
+    accuracy: str = DEFAULT,
     quiet: bool = False,
     units: Sequence[str] = (),
 ) -> int:
@@ -60,7 +61,8 @@ def calibrate_case(
         if processes != 0:
             many_runs.check_processes(processes, ranks)
         path = shipped_cases.find(name)
-        case, keys = load_case(path, overrides), [read_free(one) for one in free]
+        sizes = sizes_of(path, overrides, accuracy)
+        case, keys = load_case(path, (*overrides, *sizes)), [read_free(one) for one in free]
         if not keys:
             raise InputError("calibrate: name what is to be fitted, --free KEY=LOW..HIGH")
         _check_keys(case, keys)

@@ -11,6 +11,8 @@ from typing import Any, cast
 import click
 
 from castfem.base.errors import InputError, RunFailure
+from castfem.base.units import nearest
+from castfem.cli import options
 from castfem.cli.command import Argument, command
 from castfem.cli.options import (
     PATH,
@@ -30,14 +32,15 @@ _SOFTENINGS = ("positive", "free", "none")  # of `IdentifyOptions`
 @case_name
 @output("Picture, or a folder for it; by default <name>_mesh.png.")
 @overrides
-def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
+@options.accuracy
+def mesh(case: str, output: Path | None, overrides: tuple[str, ...], accuracy: str) -> None:
     """Draw the mesh of a case and print its counts and quality."""
     from castfem.cli.drawing import draw_mesh
     from castfem.cli.options import read_from
     from castfem.model.shipped_cases import find
 
     with read_from(find(case)):
-        draw_mesh(*case_and_target(case, output, overrides, "mesh"))
+        draw_mesh(*case_and_target(case, output, overrides, "mesh", accuracy))
 
 
 @command("mould billet125/hot --hot")
@@ -54,17 +57,23 @@ def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
     help="Like --hot, iterated with the strand in the hot mould until both agree.",
 )
 @overrides
+@options.accuracy
 def mould(
-    case: str, output: Path | None, hot: bool, coupled: bool, overrides: tuple[str, ...]
+    case: str,
+    output: Path | None,
+    hot: bool,
+    coupled: bool,
+    overrides: tuple[str, ...],
+    accuracy: str,
 ) -> None:
     """Print size and taper of a case's mould, and draw it; --hot, --coupled: cold and at work."""
     from castfem.cli.mould import draw_hot_mould, draw_mould
 
     if hot or coupled:
-        loaded, target = case_and_target(case, output, overrides, "hot")
+        loaded, target = case_and_target(case, output, overrides, "hot", accuracy)
         draw_hot_mould(loaded, target, case, coupled=coupled)
         return
-    draw_mould(*case_and_target(case, output, overrides, "mould"), case)
+    draw_mould(*case_and_target(case, output, overrides, "mould", accuracy), case)
 
 
 @command("section billet125/idealised")
@@ -76,11 +85,14 @@ def mould(
     help="Position of the required section; by default the end of the mould.",
 )
 @overrides
-def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
+@options.accuracy
+def section(
+    case: str, output: Path | None, at: str | None, overrides: tuple[str, ...], accuracy: str
+) -> None:
     """Find the outline at the meniscus that gives the case's section further down."""
     from castfem.cli.mould import find_outline
 
-    find_outline(*case_and_target(case, output, overrides, "section"), case, at)
+    find_outline(*case_and_target(case, output, overrides, "section", accuracy), case, at)
 
 
 @command("machine slab1200/reference")
@@ -196,7 +208,8 @@ def identify(
 ) -> None:
     """Fit the modified Norton-Hoff law (163) to tensile curves."""
     if softening not in _SOFTENINGS:
-        raise InputError(f"--softening '{softening}': one of {', '.join(_SOFTENINGS)}")
+        near = nearest(softening, _SOFTENINGS)
+        raise InputError(f"--softening '{softening}': one of {', '.join(_SOFTENINGS)}{near}")
     if degree is not None and degree < 0:
         raise InputError(f"--degree {degree}: a number from 0 on, or leave it out")
     target = output or Path(data.name).with_suffix(".toml")
@@ -208,8 +221,8 @@ def identify(
     from castfem.base.atomic_files import write_text
     from castfem.studies.identification import fit
 
-    options = fit.IdentifyOptions(degree=degree, softening=cast(Any, softening))
-    found = fit.identify(data, options)
+    asked = fit.IdentifyOptions(degree=degree, softening=cast(Any, softening))
+    found = fit.identify(data, asked)
     try:
         write_text(target, found.to_toml())
     except RunFailure as error:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.base.libraries import own_style
+from castfem.base.quantities import PERCENT
 from castfem.base.table import pairs, say
 from castfem.cli import parallel
 from castfem.model import Case
@@ -126,9 +127,10 @@ def _composition(assignments: Iterable[str]) -> dict[str, float]:
     for assignment in assignments:
         element, _, text = assignment.partition("=")
         try:
-            found[element.strip()] = float(text)
+            found[element.strip()] = PERCENT.read(text)
         except ValueError:
             raise InputError(
-                f'--composition "{assignment}": write it as element=weight percent, such as C=0.42'
+                f'--composition "{assignment}": write it as element=weight percent, such as '
+                'C=0.42 or C="0.42 %"'
             ) from None
     return found

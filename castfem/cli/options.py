@@ -50,14 +50,7 @@ class Request:
 
     def sizes(self, path: Path) -> list[str]:
         """Return the assignments of the requested accuracy."""
-        if self.accuracy == DEFAULT:
-            return []
-        from castfem.model import load_case
-        from castfem.studies.accuracy.sizes import assignments
-
-        case = load_case(path, self.overrides)
-        title = json.dumps(f"{case.title}; {self.accuracy} accuracy")
-        return [*assignments(case, self.accuracy), f"title={title}"]
+        return sizes_of(path, self.overrides, self.accuracy)
 
     def case(self, path: Path) -> Case:
         """Return the case with the requested keys and accuracy."""
@@ -76,6 +69,17 @@ class Request:
                 f"--at {', '.join(beyond)}: the run goes from the meniscus to "
                 f"{place_said(length)}; give a place within, or a longer casting.length"
             )
+
+
+def sizes_of(path: Path, overrides: Sequence[str], accuracy: str) -> list[str]:
+    """Return the assignments of an accuracy for a case: its sizes, and a title that says so."""
+    if accuracy == DEFAULT:
+        return []
+    from castfem.model import load_case
+    from castfem.studies.accuracy.sizes import assignments, titled
+
+    case = load_case(path, overrides)
+    return [*assignments(case, accuracy), f"title={json.dumps(titled(case, accuracy))}"]
 
 
 Asked = TypeVar("Asked", bound=Request)
@@ -225,11 +229,16 @@ def read_from(path: Path) -> Iterator[None]:
 
 
 def case_and_target(
-    case: str, output: Path | None, overrides: Sequence[str], ending: str
+    case: str,
+    output: Path | None,
+    overrides: Sequence[str],
+    ending: str,
+    accuracy: str = DEFAULT,
 ) -> tuple[Case, Path]:
     """Return a case and the path of its picture: by default its name with an ending."""
     from castfem.model import load_case
     from castfem.model.shipped_cases import find
 
     path = find(case)
-    return load_case(path, overrides), file_for(output, f"{path.stem}_{ending}.png")
+    given = (*overrides, *sizes_of(path, overrides, accuracy))
+    return load_case(path, given), file_for(output, f"{path.stem}_{ending}.png")

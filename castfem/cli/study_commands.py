@@ -85,6 +85,7 @@ def sweep(**given: Any) -> int:
     help="Propose sizes for a given error, such as 1%.",
 )
 @options.at
+@options.accuracy
 @options.units
 @quiet
 def error(**given: Any) -> int:
@@ -129,6 +130,7 @@ def optimise(**given: Any) -> int:
 )
 @output("Folder; by default results/<family>/<name>_calibration.")
 @overrides
+@options.accuracy
 @jobs
 @options.units
 @quiet

@@ -15,7 +15,6 @@ from pydantic import Field
 
 from castfem.base.quantities import Kind
 from castfem.model.base import Faults, Variants
-from castfem.model.extraction import COUPLED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -147,7 +146,7 @@ class Misaligned(RollDefect):
             yield from self._far_off(normal)
         if self.resistance is None:
             return
-        if machine.extraction is None or machine.extraction.resistance == COUPLED:
+        if machine.extraction is None or machine.extraction.coupled:
             what = "a maker's curve, machine.extraction.resistance"
             yield "resistance", f"has no effect without {what}, to be added to; leave it out"
 

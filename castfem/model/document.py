@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from castfem.base.csv_files import unreadable
 from castfem.base.errors import InputError, shown
-from castfem.base.units import nearest
 from castfem.model import inheritance, key_names
 from castfem.model.base import PROPERTY_FILES, is_path
 from castfem.model.case import Case
@@ -61,8 +61,8 @@ class Document:
     label: str  #: name of the requested file
     #: file (or "--set") in which a key, or the table that contains it, was written
     origins: dict[Keys, str] = field(default_factory=dict)
-    #: file (or "--set") that last wrote into a table begun by another
-    joined: dict[Keys, str] = field(default_factory=dict)
+    #: origins of the keys, the latest last
+    layers: list[str] = field(default_factory=list)
     #: complete messages about files and overrides that could not be used
     faults: list[str] = field(default_factory=list)
     #: dotted keys that were overridden, and their new values
@@ -77,9 +77,16 @@ class Document:
                 return self.origins[path[:end]]
         return self.label
 
-    def place(self, path: Keys) -> str:
-        """Return the file to correct: for a table written in several files the last of them."""
-        return self.joined.get(path) or self.origin(path)
+    def place(self, paths: Collection[Keys], table: bool = False) -> str:
+        """Return the file to correct: the last one that wrote one of some keys, or below it.
+
+        Below a `table`, of which any key may be meant, only files count, not "--set".
+        """
+        written = {self.origin(path) for path in paths}
+        for key, one in self.origins.items():
+            if any(key[: len(path)] == path for path in paths) and not (table and one == SET):
+                written.add(one)
+        return next((one for one in reversed(self.layers) if one in written), min(written))
 
 
 def read(path: Path) -> Document:
@@ -122,7 +129,7 @@ def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) 
     inherited = _read(below, os.path.normpath(below), chain)
     document.faults += inherited.faults
     document.data, document.origins = inherited.data, inherited.origins
-    document.joined = inherited.joined
+    document.layers = inherited.layers
     document.left_out = inherited.left_out
 
 
@@ -132,11 +139,8 @@ def _load(path: Path, document: Document) -> dict[str, Any] | None:
     try:
         text = path.read_text(encoding="utf-8-sig")
         return tomllib.loads(text)
-    except FileNotFoundError:
-        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
-        document.faults.append(f"{label}: file not found{near}")
     except OSError as error:
-        document.faults.append(f"{label}: cannot be read: {error.strerror}")
+        document.faults.append(f"{label}: {unreadable(path, error)}")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         document.faults.append(f"{label}: line {line}: is not UTF-8 text; save it in that encoding")
@@ -233,7 +237,6 @@ def _merge(
             continue
         tables = isinstance(value, dict) and isinstance(under.get(key), dict)
         if tables and here not in _UNDIVIDED:
-            document.joined[here] = label
             _merge(document, under[key], value, here, label)
         else:
             _forget(document, here)
@@ -263,9 +266,8 @@ def _any_entry(path: Keys) -> Keys:
 
 def _forget(document: Document, path: Keys) -> None:
     """Drop the recorded origins at and below a path."""
-    for places in (document.origins, document.joined):
-        for known in [k for k in places if k[: len(path)] == path]:
-            del places[known]
+    for known in [k for k in document.origins if k[: len(path)] == path]:
+        del document.origins[known]
 
 
 def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[str]) -> None:
@@ -276,6 +278,7 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
         before: The tables before the layer.
         labels: Origins of the layer's keys.
     """
+    document.layers += [one for one in labels if one not in document.layers]
 
     def inherited(path: Keys) -> bool:
         return document.origin(path) not in labels

@@ -224,7 +224,9 @@ def _line(written: document.Document, problem: problems.Problem) -> str:
         if entry[:-1] == array and len(entry) > len(array):
             name = problems.at(written.data, (*entry, "name"))
             where += f' ({what} "{name}")' if isinstance(name, str) else ""
-    parts = [written.place(problem.path), where, problem.text]
+    table = problems.model_at(_kind(written), problem.path, written.data) is not None
+    place = written.place(problem.together or (problem.path,), table and not problem.together)
+    parts = [place, where, problem.text]
     return ": ".join(part for part in parts if part)
 
 

@@ -1,4 +1,6 @@
-"""The table [machine]: the rolls that guide the strand below its mould.
+"""The table [machine]: the rolls that guide the strand below its mould, and its drives.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 
 `castfem.physics.machine.rolls`, which reads and checks them, is only imported by cases with rolls.
 """
@@ -12,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from castfem.base.quantities import Length, Notation
-from castfem.base.table_notation import schema_of_columns
+from castfem.base.quantities import Kind, Length, Notation, OrWord
+from castfem.base.table_notation import Curve, schema_of_columns
+from castfem.base.tables import Tabled
 from castfem.model.base import TableModel
 from castfem.model.defects import Defect, with_defects
-from castfem.model.extraction import Extraction
 
 if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Rolls
@@ -30,7 +32,8 @@ class RollTable(Notation):
 
     def read(self, given: object) -> Rolls | None:
         """Return the rolls, or raise ValueError."""
-        from castfem.physics.machine.rolls import Rolls, read_rolls
+        from castfem.physics.machine.roll_table import read_rolls
+        from castfem.physics.machine.rolls import Rolls
 
         if given is None or isinstance(given, Rolls):
             return given
@@ -42,13 +45,13 @@ class RollTable(Notation):
 
     def write(self, value: Rolls | None) -> Any:
         """Return what reads back to the same rolls."""
-        from castfem.physics.machine.rolls import columns_of
+        from castfem.physics.machine.roll_table import columns_of
 
         return None if value is None else columns_of(value)
 
     def json_schema(self) -> dict[str, Any]:
         """See `Notation.json_schema`."""
-        from castfem.physics.machine.rolls import COLUMNS, KINDS
+        from castfem.physics.machine.roll_table import COLUMNS, KINDS
 
         ways = schema_of_columns(
             COLUMNS,
@@ -73,6 +76,38 @@ class RollSegment(TableModel):
     straight"""
     aperture: Length | None = Field(None, examples=["222 mm"])
     """distance between the rolls of a pair; by default the section's height"""
+
+
+COUPLED = "coupled"
+ResistanceOverPosition = Annotated[
+    str | Tabled,
+    OrWord(
+        Curve(Kind("N", "kN", least=0.0, label="force", sample="700 kN"), "position"), (COUPLED,)
+    ),
+]
+FrictionCoefficient = Annotated[
+    float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")
+]
+
+
+class Extraction(TableModel):
+    """Resistance of the rolls, shared by the drives of the machine (thesis III.1.3, VI.2.3)."""
+
+    resistance: ResistanceOverPosition = Field(examples=[{"file": "resistance.csv"}])
+    """cumulative resistance of all rolls from the first one to a position, as given by a maker,
+    bending included; or "coupled": from the roll forces of the run"""
+    friction_axis: FrictionCoefficient = 0.015
+    """friction coefficient at the axes of the rolls (eq. 46)"""
+    friction_surface: FrictionCoefficient = 0.3
+    """friction coefficient between strand and a locked roll (eq. 45)"""
+    bending: Literal["equilibrium", "hinges"] = "equilibrium"
+    """bending force on a pair in a coupled resistance: equilibrium, from the moments of the
+    neighbouring pairs; hinges, M/L at each pair by itself (eq. 320)"""
+
+    @property
+    def coupled(self) -> bool:
+        """Whether the resistance follows from the roll forces of the run."""
+        return bool(self.resistance == COUPLED)
 
 
 class Machine(TableModel):

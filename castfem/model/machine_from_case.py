@@ -14,7 +14,7 @@ from castfem.physics.machine import Machine
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
-    from castfem.model.extraction import Extraction
+    from castfem.model.machine import Extraction
     from castfem.model.machine import Machine as MachineTable
     from castfem.physics.machine.extraction.effort import KnownResistance, Pairs
     from castfem.physics.machine.rolls import Rolls

@@ -32,6 +32,8 @@ class Problem:
     text: str  #: what is wrong, what is allowed
     kind: str = ""  #: pydantic's name of the error, empty for castfem's own checks
     inherited: bool = True  #: whether it is also reported for a case that inherits the key
+    #: keys that do not go together; the one that was written last is to be corrected
+    together: tuple[Path, ...] = ()
 
 
 def at(data: Any, path: Path) -> Any:
@@ -80,10 +82,14 @@ def _text(
         key, name, tags = context["discriminator"], str(context["tag"]), _tags(root, path)
         return f'{key} = "{name}" is not known; one of {choices(tags)}{nearest(name, tags)}'
     if kind == "literal_error":
-        names = _literals(str(context.get("expected")))
-        return f"not possible{given}; one of {choices(names)}{nearest(str(value), names)}"
+        # A word that stands for a table is not at the path of its key.
+        names, word = _literals(str(context.get("expected"))), details["input"]
+        return f"not possible ({shown(word)}); one of {choices(names)}{nearest(str(word), names)}"
     if kind == "value_error":
-        return f"{context['error']}{given}"
+        text = str(context["error"])
+        named = value.get("file") if isinstance(value, Mapping) else value
+        again = f"'{named}'" in text or f'"{named}"' in text
+        return text if again else f"{text}{given}"
     if kind in ("tuple_type", "list_type") and isinstance(value, Mapping):
         return f"must be a list of tables, each of which begins with {_entry(path)}{given}"
     if kind == "greater_than_equal" and context.get("ge"):

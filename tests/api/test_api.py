@@ -18,6 +18,7 @@ from small_case import write_small
 import castfem
 from castfem.base.errors import InputError
 from castfem.base.shown_units import ShownUnits, shown_in
+from castfem.cli.options import case_and_target
 from castfem.model import load_case
 from castfem.runs import loop
 
@@ -55,6 +56,16 @@ def test_load_by_name_and_path(tmp_path, monkeypatch):
     assert castfem.load("small").casting.length == pytest.approx(0.06)
     with pytest.raises(castfem.InputError, match="did you mean billet125/idealised"):
         castfem.load("billet125/idealized")
+
+
+def test_a_case_is_loaded_with_an_accuracy_like_that_of_the_commands(tmp_path):
+    path = write_small(tmp_path)
+    coarse, plain = castfem.load(path, accuracy="coarse"), castfem.load(path, "default")
+    assert coarse == case_and_target(str(path), None, (), "x", "coarse")[0]
+    assert coarse.mesh.core_size == pytest.approx(1.5 * plain.mesh.core_size)
+    assert plain == castfem.load(path) and coarse.title == f"{plain.title}; coarse accuracy"
+    with pytest.raises(castfem.InputError, match="did you mean fine"):
+        castfem.load(path, accuracy="fin")
 
 
 def test_quantities_are_in_si(result):

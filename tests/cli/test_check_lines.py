@@ -150,7 +150,7 @@ ALL_LAWS = "one of " + ", ".join(available_laws())
     [
         ("mechanics.law=norton_hof", 'mechanics.law: "norton_hof" not found; ' + ALL_LAWS),
         ("mechanics.law=elastic_steel", 'mechanics.law: "elastic_steel" holds none; ' + ALL_LAWS),
-        ("mechanics.law=./soft.toml", 'mechanics.law: "soft.toml" not found; did you mean'),
+        ("mechanics.law=./soft.toml", 'mechanics.law: "soft.toml": file not found; did you mean'),
         ("mechanics.law=./sift.toml", "sift.toml: law: is missing; one of thermo_elastic"),
         ("mechanics.elasticity=elastic", 'mechanics.elasticity: "elastic" not found; one of'),
         ("mechanics.elasticity=./sift.toml", "sift.toml: young: is missing; the Young's modulus"),

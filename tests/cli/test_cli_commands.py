@@ -130,6 +130,17 @@ def test_schema(castfem):
     assert castfem("schema", "--markdown").out == markdown_page()
 
 
+def test_weight_percent_of_a_steel_may_have_its_sign(castfem):
+    plain, signed = (
+        castfem("material", "plain_carbon", "-c", f"C=0.1{sign}", "-c", f"Mn=1.4{sign}")
+        for sign in ("", "%")
+    )
+    assert (signed.status, signed.out) == (0, plain.out)
+    assert "0.1 %C, 1.4 %Mn" in signed.out
+    wrong = castfem("material", "plain_carbon", "-c", "Mn=1.4 mm").err
+    assert 'write it as element=weight percent, such as C=0.42 or C="0.42 %"' in wrong
+
+
 def test_a_steel_without_its_composition_is_told_the_option(castfem):
     outcome = castfem("material", "plain_carbon")
     assert outcome.status == 1 and outcome.err.rstrip().endswith(

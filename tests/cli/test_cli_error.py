@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import shutil
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from ranks import python_on
 from small_case import SMALL, write_small
 
+from castfem.cli.options import case_and_target
 from castfem.model import load_case
 from castfem.runs.output.summary_file import Summary
 from castfem.studies.accuracy.sizes import described, factors_between
@@ -132,6 +134,24 @@ def test_a_run_with_coarser_cells_by_one_word(castfem, tmp_path) -> None:
     refused = castfem(*words, "--accuracy", "fein")
     assert refused.status == 1
     assert "--accuracy fein:" in refused.err
+
+
+def test_the_error_of_a_run_with_coarser_cells(castfem, tmp_path) -> None:
+    """The proposed run has each size once; mesh, mould and section take the word likewise."""
+    path = write_small(tmp_path)
+    given = ("--set", "casting.length=10 mm", "--accuracy", "coarse")
+    outcome = castfem(*WORDS, *given, "--to", "2%", "-o", "out")
+    assert outcome.status == 0, outcome.err
+    case, base = load_case(path), load_case(tmp_path / "out" / "base" / "case.toml")
+    ratios = factors_between(described(case), described(base))
+    assert ratios == {"mesh": pytest.approx(1.5), "step": pytest.approx(2.0)}
+    (line,) = (li for li in outcome.out.splitlines() if li.startswith("castfem run small --set"))
+    keys = [word.partition("=")[0] for word in shlex.split(line) if "=" in word]
+    assert len(keys) == len(set(keys)) and {"casting.length", "mesh.surface_size"} < set(keys)
+    for command in ("mesh", "mould", "section"):
+        assert "--accuracy" in castfem(command, "--help").out
+    drawn, _ = case_and_target("small", None, ("casting.length=10 mm",), "mesh", "coarse")
+    assert described(drawn) == described(base)
 
 
 def test_a_plain_run_knows_nothing_of_it(tmp_path) -> None:

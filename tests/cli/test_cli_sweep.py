@@ -134,7 +134,7 @@ def test_one_failed_run_does_not_stop_the_rest(castfem, tmp_path):
         (("--set", "speed=3 m/min,3"), "a speed needs its unit"),
         (("--set", "speed=3 m/min,4 m/min", "--set", "steel.name=nosuch"), "nosuch"),
         ((), "nothing to sweep"),
-        (("--table", "nosuch.csv"), "nosuch.csv: No such file"),
+        (("--table", "nosuch.csv"), "nosuch.csv: file not found; correct the path"),
         ((*SPEEDS, "-j", "0"), "at least one process"),
         ((*SPEEDS, "--resume", "--overwrite"), "exclude each other"),
         ((*SPEEDS, "-o", "small.toml"), "is a file"),

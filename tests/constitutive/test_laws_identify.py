@@ -257,5 +257,5 @@ def test_too_little_is_told(tmp_path: Path) -> None:
         identify(data, IdentifyOptions(degree=5))
     with pytest.raises(InputError, match="no point has a positive stress"):
         identify(data, IdentifyOptions(least_strain=0.9))
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="file not found; correct the path"):
         identify(tmp_path / "none.csv")

@@ -14,7 +14,6 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.cli import checking
 from castfem.model import Case, load_case
-from castfem.model.checks.unusual import warnings
 from castfem.model.defects import Defect, RollDefect
 from castfem.model.machine_from_case import coupled_pairs, known_resistance
 from castfem.physics.machine.defects import circle, out_of_line, with_radii
@@ -229,117 +228,6 @@ def test_a_locked_drive_does_not_draw() -> None:
     known = known_resistance(case.machine.extraction, case.machine)
     assert known is not None
     assert known.shares.drive[49] == 0.0 and known.capacities[49] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("given", "key", "words"),
-    [
-        ({"kind": "locked", "roll": 95}, "defect.0.roll", "has 87 pairs, numbered from 1"),
-        ({"kind": "bent", "roll": 9}, "defect.0", "one of locked, misaligned, lost, nozzles"),
-        ({"kind": "misaligned", "roll": 9}, "defect.0.by", "missing"),
-        (
-            {"kind": "nozzles", "circuit": "arc", "rolls": [47, 52], "share": 0.66},
-            "defect.0.circuit",
-            "the case has no [secondary]",
-        ),
-    ],
-)
-def test_what_is_refused(given: dict[str, Any], key: str, words: str) -> None:
-    with pytest.raises(InputError) as caught:
-        slab(given)
-    (problem,) = caught.value.problems
-    assert key in problem and words in problem
-
-
-def test_a_key_of_no_defect_is_told_beside_those_of_its_kind() -> None:
-    with pytest.raises(InputError) as caught:
-        slab({"kind": "misaligned", "rolls": 48, "offset": "2 mm"})
-    told = [problem.partition("machine.defect.0.")[2] for problem in caught.value.problems]
-    assert told == [
-        "roll: is missing; number of the pair, counted from 1",
-        "by: is missing; distance towards the centre of curvature; negative: away from it, such as "
-        '"2 mm"',
-        "rolls: unknown key (48); allowed: roll, kind, by, resistance; did you mean roll?",
-        'offset: unknown key ("2 mm"); allowed: roll, kind, by, resistance',
-    ]
-
-
-def test_defects_that_leave_others_no_room_are_named_not_the_rolls() -> None:
-    given = ("25 mm", "26 mm", "24 mm")
-    with pytest.raises(InputError) as caught:
-        slab(*({"kind": "misaligned", "roll": 20, "by": by} for by in given))
-    (problem,) = caught.value.problems
-    assert "machine.defect: with roll 20 off by 25 mm and roll 20 off by 26 mm and" in problem
-    assert "sharply: roll 19: diameter (225 mm) overlaps" in problem
-    assert problem.endswith("below it; move it less")
-
-
-def test_what_is_doubtful_of_a_defect_is_told_of_it() -> None:
-    found = warnings(slab({"kind": "misaligned", "roll": 20, "by": "-26 mm"}))
-    (first, *_) = (one for one in found if one.path[0] == "machine")
-    assert first.path == ("machine", "defect") and "strains the faces" in first.text
-    assert first.text.startswith("with roll 20 off by -26 mm: ")
-    found = warnings(slab({"kind": "misaligned", "roll": 20, "by": "2 mm"}))
-    assert not [one for one in found if one.path[0] == "machine"]
-
-
-def test_a_defect_that_would_change_nothing_is_refused() -> None:
-    """What it changes is the resistance of the rolls, of which the case has none, or no curve."""
-    plain, locked = load_case(FOLDER / "coarse.toml"), {"kind": "locked", "roll": 48}
-    coupled = load_case(FOLDER / "reference.toml").with_(
-        {"machine.extraction.resistance": "coupled"}
-    )
-    with pytest.raises(InputError, match=r"defect\.0\.kind.* without \[machine\.extraction\]"):
-        plain.with_({"machine.defect": [locked]})
-    coupled.with_({"machine.defect": [locked]})
-    off = {"kind": "misaligned", "roll": 48, "by": "2 mm"}
-    for case in (plain, coupled):
-        case.with_({"machine.defect": [off]})
-        with pytest.raises(InputError, match=r"defect\.0\.resistance.* without a maker's curve"):
-            case.with_({"machine.defect": [off | {"resistance": "118 kN"}]})
-
-
-@pytest.mark.parametrize("lost_first", [True, False])
-def test_a_pair_that_is_lost_is_neither_off_nor_locked(lost_first: bool) -> None:
-    lost = {"kind": "lost", "roll": 30}
-    for other in ({"kind": "misaligned", "roll": 30, "by": "2 mm"}, {"kind": "locked", "roll": 30}):
-        both, at = ((lost, other), 1) if lost_first else ((other, lost), 0)
-        with pytest.raises(InputError, match=rf"defect\.{at}\.roll: \(30\): this pair is also"):
-            slab(*both)
-        slab(lost, other | {"roll": 31})
-
-
-def test_two_of_the_same_and_no_roll_left() -> None:
-    locked = {"kind": "locked", "roll": 48}
-    with pytest.raises(InputError, match=r"machine\.defect\.1: appears twice"):
-        slab(locked, locked)
-    with pytest.raises(InputError, match="fewer than two pairs"):
-        slab(*({"kind": "lost", "roll": n} for n in range(1, 87)))
-
-
-@pytest.mark.parametrize("by", ["2 m", "34 mm"])
-def test_a_pair_is_not_farther_off_than_a_strand_follows(by: str) -> None:
-    """2 m are typed for 2 mm; the pitch of #48 is 335 mm."""
-    with pytest.raises(InputError, match=r"defect\.0\.by: .* by more than 0\.1 of the 33\d mm to"):
-        slab({"kind": "misaligned", "roll": 48, "by": by})
-    slab({"kind": "misaligned", "roll": 48, "by": "-10 mm"})
-
-
-def test_the_ends_of_the_machine() -> None:
-    """Off is a pair between two others; above the first there is the mould, which bears faces."""
-    for number, side, lost in ((1, "above", ()), (87, "below", ()), (2, "above", (1,))):
-        gone = [{"kind": "lost", "roll": n} for n in lost]
-        for by in ("2 mm", "-2 mm"):
-            off = {"kind": "misaligned", "roll": number, "by": by}
-            with pytest.raises(InputError, match=rf"roll: \({number}\): no pair {side} it"):
-                slab(*gone, off)
-    slab({"kind": "misaligned", "roll": 2, "by": "2 mm"})
-    first = {"kind": "lost", "roll": 1}
-    REFERENCE.with_({"mechanics.bulging": "none"}).with_({"machine.defect": [first]})
-    bulging = load_case(FOLDER / "bulging.toml")
-    with pytest.raises(InputError, match=r"defect\.0\.roll: \(1\).*the mould holds the faces"):
-        bulging.with_({"machine.defect": [first]})
-    bulging.with_({"machine.defect": [{"kind": "lost", "roll": 2}]})
 
 
 def test_nozzles_of_a_circuit_between_two_rolls() -> None:

@@ -177,7 +177,7 @@ def test_rolls_that_cannot_be_there(tmp_path: Path, row: int, text: str, said: s
     ("change", "said"),
     [
 
-        ('machine={rolls="none.csv"}', r"cannot read the rolls '.*none\.csv': No such file"),
+        ('machine={rolls="none.csv"}', r"rolls: '.*none\.csv': file not found; correct"),
         ("machine={rolls=3}", r"machine\.rolls: the rolls of a machine are a file"),
 
         ('machine={first="1 m", segment=[{rolls=0, pitch="0.3 m", diameter="0.2 m"}]}',

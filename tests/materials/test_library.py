@@ -219,7 +219,9 @@ def test_own_file_without_its_path(tmp_path):
 def test_missing_file(tmp_path):
     (tmp_path / "mine.toml").write_text(SOUND)
     line = only("./mime.toml", tmp_path)
-    assert "file not found" in line and line.endswith("did you mean mine.toml?")
+    assert line == 'steel.name ("./mime.toml"): file not found; did you mean mine.toml?'
+    line = only("./none/mime.toml", tmp_path)
+    assert line.endswith(f"there is no folder {tmp_path}/none: correct the path")
 
 
 def test_syntax_error_names_the_line(write):
@@ -245,13 +247,18 @@ def test_not_utf8(tmp_path):
         ('unit = "J/(kg K)"', 'unit = "W/(kg K)"', "specific_heat: 'value' row 1"),
         ("[latent_heat]", "[latentheat]", "did you mean latent_heat?"),
         ("C = 0.2", "C = 2.5", "composition.C: (2.5) is out of range; 0 to 2.11"),
-        ("C = 0.2", 'C = "0.2 %"', 'composition.C: ("0.2 %") must be a plain number'),
+        ("C = 0.2", 'C = "0.2 kg"', 'composition.C: ("0.2 kg") must be weight percent: a plain'),
         ('description = "a steel"', "description = 3", "description: must be a text (3)"),
     ],
 )
 def test_problems_of_a_file(write, old, new, told):
     found = problems(*write(changed(old, new)))
     assert any("own.toml" in line and told in line for line in found), found
+
+
+def test_a_percent_sign_in_a_composition_changes_nothing(write):
+    plain, signed = (load_steel(*write(changed("C = 0.2", f"C = {c}"))) for c in (0.3, '"0.3 %"'))
+    assert dict(signed.composition) == dict(plain.composition) == {"C": 0.3}
 
 
 def test_elements_without_data_are_left_out():

@@ -164,7 +164,7 @@ def test_a_table_of_another_steel_is_refused(asked, key):
 def test_what_there_is_not_is_said_in_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     (tmp_path / "x.tdb").write_text("$ nothing")
-    for file, said in (("none.tdb", "cannot be read"), ("x.tdb", "pycalphad is not installed")):
+    for file, said in (("none.tdb", "file not found"), ("x.tdb", "pycalphad is not installed")):
         with pytest.raises(InputError, match=said) as told:
             load_steel("plain_carbon", tmp_path, {"C": 0.17}, {"database": Request(file)})
         assert len(told.value.problems) == 1

@@ -148,6 +148,24 @@ MISTAKES = {
         "mesh.cell",
         ['("triangel")', "one of quadrilateral, triangle", "did you mean triangle?"],
     ),
+    "beginning of a name": (
+        'coefficient = "1600 W/(m^2 K)"',
+        'flux = "savage"',
+        "cooling.0.surface.0.flux",
+        ["the name of a formula, savage_pritchard", "did you mean savage_pritchard?"],
+    ),
+    "word beside a quantity": (
+        'coefficient = "1600 W/(m^2 K)"',
+        'coefficient = "1600 W/(m^2 K)"\nmeasured_at = "any"',
+        "cooling.0.surface.0.measured_at",
+        ['or "any speed"', "did you mean any speed?"],
+    ),
+    "word for a table": (
+        "[mesh]",
+        '[mechanics]\nbulging = "elast"\n[mesh]',
+        "mechanics.bulging.model",
+        ['not possible ("elast"); one of creep, elastic', "did you mean elastic?"],
+    ),
     "order": ('core_size = "8 mm"', 'core_size = "8 mm"\norder = 3', "mesh.order", ["(3)", "1, 2"]),
     "unknown field": (
         "[mesh]",
@@ -311,7 +329,7 @@ def test_file_not_found_names_the_nearest(write, tmp_path):
 
 
 def test_folder_instead_of_file(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder; name a file"):
         load_case(tmp_path)
 
 

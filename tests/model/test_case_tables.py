@@ -116,7 +116,7 @@ def test_hundred_rows_survive_the_resolved_case(write, sound):
             '{ temprature = ["0 s", "1 s"], value = [0.8, 0.9] }',
             "did you mean temperature?",
         ),
-        ('{ file = "missing.csv" }', "cannot read the table"),
+        ('{ file = "missing.csv" }', "missing.csv': file not found; correct the path"),
     ],
 )
 def test_bad_table(write, sound, table, said):
@@ -125,6 +125,29 @@ def test_bad_table(write, sound, table, said):
     assert len(caught.value.problems) == 1
     assert "cooling.1.surface.0.emissivity" in str(caught.value)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [
+        ('[machine]\nrolls = "own.csv"', "machine.rolls: '{0}/own.csv'"),
+        ('[quality]\nductility = { file = "own.csv" }', "quality.ductility: the table of "),
+        (
+            '[mould]\nlength = "1 m"\ndisplacement = { file = "own.csv" }',
+            "mould.displacement: the ",
+        ),
+    ],
+)
+def test_a_missing_file_is_named_once_with_its_key_and_what_to_do(write, sound, table, key):
+    base = write(f'{sound}[quality]\nductility = {{ file = "base.csv" }}\n', "base.toml")
+    path = write(f'extends = "base.toml"\n{table}\n')
+    for fix in ("file not found; correct the path", "file not found; did you mean ownn.csv?"):
+        with pytest.raises(InputError) as caught:
+            load_case(path)
+        (line,) = (one for one in caught.value.problems if "own.csv" in one)
+        assert line.startswith(f"{path}: {key.format(base.parent)}") and line.endswith(fix)
+        assert line.count(f"{base.parent}/own.csv") == 1
+        write("", "ownn.csv")
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from castfem.model.checks.ranges import _kinds
 from castfem.model.problems import submodels
 from castfem.model.tensile import TensileCase
 from castfem.physics.constitutive.flow_laws import RadialReturn
-from castfem.physics.machine.rolls import KINDS as ROLLS
+from castfem.physics.machine.roll_table import KINDS as ROLLS
 from castfem.physics.materials import load_steel
 from castfem.physics.materials.plausible import unusual
 
@@ -143,15 +143,20 @@ def test_what_cannot_be_is_refused(case: Path, change: str, said: str) -> None:
     assert [line for line in reading.problems if said in line], reading.problems
 
 
-@pytest.mark.parametrize("apertures", [100, 500])
-def test_rolls_that_do_not_fit_the_strand_are_told(apertures: int) -> None:
+@pytest.mark.parametrize(("apertures", "refused"), [(100, True), (150, False), (500, False)])
+def test_rolls_that_do_not_fit_the_strand_are_told(apertures: int, refused: bool) -> None:
+    """The slab is 220 mm thick."""
     rolls = (
         'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
         f'diameter_unit="mm",aperture=[{apertures},{apertures},{apertures}],aperture_unit="mm"}}'
     )
     reading = read_case(SLAB, (rolls, "mechanics.planes.force_contains_bending=false"))
-    said = f"aperture ({apertures} mm) of a section"
-    assert [line for line in reading.warnings if said in line], reading.problems
+    said = (
+        ": a section of 220 mm cannot pass" if refused else " of a section 220 mm thick; is one of"
+    )
+    told = reading.problems if refused else reading.warnings
+    assert [line for line in told if f"roll 1: aperture ({apertures} mm){said}" in line], told
+    assert bool(reading.problems) == refused
 
 
 def test_a_key_of_a_bent_strand_is_refused_with_the_value_that_goes_without() -> None:

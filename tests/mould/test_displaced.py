@@ -183,7 +183,7 @@ def test_mistakes_are_told_in_one_line(write, tmp_path: Path, which: str) -> Non
     ("given", "words"),
     [
         ('"wall.csv"', "a displaced wall is needed"),
-        ('{ file = "none.csv" }', "cannot read the displaced wall"),
+        ('{ file = "none.csv" }', "the displaced wall '.*none.csv': file not found"),
         ("{ place = [0] }", "unknown key 'place' in a displaced wall"),
         ("{ position = [0], way = [0], x = [0], y = [0, 1], unit = 'mm' }", "equally long"),
     ],

@@ -228,6 +228,8 @@ def test_keys_that_cannot_be_fitted(twin: Path, free: list[str], message: str) -
     with pytest.raises(InputError, match=message):
         calibrate_case(str(twin / "case.toml"), twin / "data.csv", free, twin / "none")
     assert not (twin / "none").exists()
+    with pytest.raises(InputError, match=r"^--accuracy fin: .*did you mean fine"):
+        calibrate_case(str(twin / "case.toml"), twin / "data.csv", free, None, accuracy="fin")
 
 
 @pytest.mark.parametrize(

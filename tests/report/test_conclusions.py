@@ -101,8 +101,10 @@ def test_the_worst_place_beside_the_machine_in_order(
     assert (
         worst.startswith("intrados, corner, 2.12 m (roll 8)") and f"{told} that of order" in worst
     )
-    alone = dict(conclusions(tmp_path / "off", empty))
-    assert "no limit is known" in alone["worst place by I1"]
+    for name, other in (("misaligned_48", "the intact machine"), ("slab", "another machine or")):
+        (tmp_path / "off" / CASE_NAME).write_text(load(f"slab1200/{name}").resolved_toml())
+        alone = dict(conclusions(tmp_path / "off", empty))["worst place by I1"]
+        assert f"no limit is known: compare with a run of {other}" in alone
 
 
 def test_a_pool_that_has_not_ended_is_said(tmp_path: Path) -> None:

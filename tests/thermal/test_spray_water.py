@@ -13,7 +13,7 @@ import pytest
 
 from castfem import meshes
 from castfem.physics.thermal.boundary import Cooling
-from castfem.physics.thermal.flux_laws import Convection, Radiation
+from castfem.physics.thermal.flux_laws import Convection, Radiation, Sprayed
 from castfem.physics.thermal.spray_correlations import CORRELATIONS
 from castfem.physics.thermal.spray_flux import (
     Coefficient,
@@ -116,6 +116,58 @@ def test_no_slope_is_below_the_least_rise(name: str) -> None:
     for t in grid[::7]:
         assert (law.flux(np.full_like(SURFACE, t), 0.0)[1] >= least - 1e-3 * np.abs(least)).all()
     assert (least < 0.0).all()
+
+
+# h falls with water from 5 to 10 kg/(m2 s), and so does the slope of its flux at 500 to 900 K.
+DROWNED = CoefficientTable(
+    (500.0, 900.0, 1300.0), (0.0, 5.0, 10.0), ((0, 2500, 900), (0, 400, 700), (0, 350, 650))
+)
+
+
+@pytest.mark.parametrize(
+    "models",
+    [
+        (DROWNED,),
+        (TABLE, DROWNED),
+        (DROWNED, OfCorrelation(CORRELATIONS["wendelstorf"], 298.15)),
+        (OfCorrelation(CORRELATIONS["wendelstorf"], 298.15),),
+        (OfCorrelation(CORRELATIONS["sasaki"], 298.15),),
+    ],
+    ids=["falling", "two tables", "table and formula", "wendelstorf", "sasaki"],
+)
+def test_the_least_rise_holds_for_all_flows_below_the_largest(
+    models: tuple[Coefficient, ...],
+) -> None:
+    """Each row at any part of its largest flow, at vertices with little and with much water."""
+    random = np.random.default_rng(1)
+    water, grid = np.array([0.5, 4.0, 14.0, 30.0]), np.arange(400.0, 1600.0, 1.0)
+    per_row = water / len(models)
+    parts = np.zeros(len(models))
+    law = SprayWater(
+        tuple(
+            Share(per_row, lambda _, i=i: float(parts[i]), 1.0, model)  # type: ignore[misc]
+            for i, model in enumerate(models)
+        ),
+        298.15,
+    )
+    least = law.least_rise(grid, 0.0)
+    steepest = np.zeros_like(least)
+    for _ in range(4000):
+        parts[:] = random.random(len(models))
+        at = np.full_like(least, random.uniform(400.0, 1600.0))
+        steepest = np.minimum(steepest, law.flux(at, 0.0)[1])
+    assert (steepest >= least - 1e-3 * np.abs(least)).all()
+    if len(models) == 1:  # of one model it is also reached
+        assert least[2:] == pytest.approx(steepest[2:], rel=0.1)
+
+
+def test_the_least_rise_of_a_zone_holds_for_all_its_flows() -> None:
+    """The film of 30 L/(m2 s) falls less steeply than that of a third of it."""
+    law = Sprayed(CORRELATIONS["wendelstorf"], lambda time: time, 30.0, 298.15)
+    grid = np.arange(400.0, 1600.0, 1.0)
+    sampled = [law.flux(grid, flow)[1].min() for flow in np.linspace(0.0, 30.0, 301)]
+    assert sampled[-1] > 0.9 * min(sampled)
+    assert min(sampled) >= law.least_rise(grid, 0.0) * (1.0 + 1e-3)
 
 
 def test_a_roll_takes_its_share_of_the_pitch() -> None:

@@ -14,7 +14,7 @@ from castfem.base.errors import InputError
 from castfem.base.quantities import Kind
 from castfem.base.result_registry import declared
 from castfem.base.table_notation import Curve
-from castfem.physics.machine.rolls import read_rolls
+from castfem.physics.machine.roll_table import read_rolls
 from castfem.studies.calibration.measured import read_measured
 
 FLUX = Curve(Kind("W/m^2", "MW/m^2"), over="position")

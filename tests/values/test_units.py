@@ -32,7 +32,7 @@ def test_common_units_are_what_pint_says(monkeypatch: pytest.MonkeyPatch) -> Non
         known.setattr(units, "COMMON", {})
         parsed: list[str] = []
         parse = units._parse_unit
-        known.setattr(units, "_parse_unit", lambda unit: parsed.append(unit) or parse(unit))
+        known.setattr(units, "_parse_unit", lambda unit, *_: parsed.append(unit) or parse(unit))
         expected = told()
         assert {*parsed} >= {*units.COMMON}
     told()
@@ -87,6 +87,9 @@ def test_difference_of_temperatures_is_written_in_kelvin():
         ("3 kg", "m/s", 'a speed is needed, such as "3.6 m/min"$'),
         ("3.6 m/mn", "m/s", "did you mean m/min?"),
         ("1600 W/m2K", "W/(m^2 K)", r"did you mean W/\(m\^2 K\)\?"),
+        ("160 degZ", "K", r"'degZ' is not known; did you mean degC\?"),
+        ("45 degZ", "rad", r"'degZ' is not known; did you mean deg\?"),
+        ("3 mn", "m", "'mn' is not known; a length is needed"),
         ("3,6 m/min", "m/s", "decimal point"),
         ("five mm", "m", "does not begin with a number"),
         (math.nan, "1", "finite"),
@@ -203,6 +206,25 @@ def test_many_numbers_below_absolute_zero_are_refused() -> None:
     with pytest.raises(ValueError, match="below absolute zero"):
         units.parse_numbers([20.0, -300.0], "degC", "K")
     assert units.parse_numbers([-5.0], "K", "K", difference=True) == (-5.0,)
+
+
+def test_no_unit_of_a_temperature_is_proposed_for_a_difference() -> None:
+    with pytest.raises(ValueError, match=r'a temperature difference is needed, such as "40 K"$'):
+        units.parse("40 degZ", "K", difference=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [
+        ("savage", "savage_pritchard"),
+        ("pritchard", "savage_pritchard"),
+        ("on", ""),
+        ("any", "any speed"),
+    ],
+)
+def test_a_beginning_stands_for_the_whole_name(name: str, near: str) -> None:
+    proposed = units.nearest(name, ["li_thomas", "savage_pritchard", "any speed", "only_this_one"])
+    assert proposed == (f"; did you mean {near}?" if near else "")
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from castfem.model.build.shell_prediction import (
     core_of,
     front_of,
 )
-from castfem.model.bulging import Bulging
+from castfem.model.mechanics import Bulging
 from castfem.physics.contact.roll_support import POINTS, RollSupport
 from castfem.physics.contact.settings import ALWAYS
 from castfem.physics.machine.bulging import (

@@ -19,7 +19,7 @@ from castfem.physics.machine.defects import out_of_line
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.model.bulging import Bulging
+    from castfem.model.mechanics import Bulging
     from castfem.physics.constitutive.base import Law
     from castfem.physics.machine.rolls import Rolls
     from castfem.physics.materials import Steel

@@ -156,7 +156,7 @@ def _scaled(case: Case, law: HeatLaw) -> Faults:
     if not isinstance(law, ScaledLaw) or not (has := given(law, *TOTALS)):
         return
     if "power" in has and len(has) > 1:
-        yield "", "power and water exclude each other; give one of the two"
+        yield "power+water", "power and water exclude each other; give one of the two"
         return
     if len(has) == 1 and "power" not in has:
         other, sample = ("water", "1800 L/min") if "water" not in has else ("water_rise", "7 K")
@@ -328,7 +328,7 @@ def _told(case: Case, _: object) -> Faults:
     for key, place in _places(case):
         ways = {way: text for way, text in _SAMPLES.items() if way in type(place).model_fields}
         for below, text in one_of(place, ways):
-            yield key + below, text
+            yield f"{key}.{below}" if below else key, text
         if getattr(place, "area", None) is not None and given(place, "water"):
             yield f"{key}.area", "is the sprayed area of the water of a zone; water is per area"
 

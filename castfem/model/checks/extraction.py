@@ -9,7 +9,7 @@ from castfem.base.constants import ROUNDING
 from castfem.base.tables import Table
 from castfem.model.base import Faults
 from castfem.model.checks.registry import caution, check
-from castfem.model.extraction import Extraction
+from castfem.model.machine import Extraction
 
 if TYPE_CHECKING:
     from castfem.model.case import Case

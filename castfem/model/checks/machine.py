@@ -14,7 +14,6 @@ from castfem.model.section import Rectangle, Strip
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
-    from castfem.model.machine import Machine
     from castfem.physics.machine.rolls import Fault, Rolls
 
 
@@ -23,7 +22,7 @@ def _has_rolls(case: Case, table: Machine) -> Faults:
     if table.rolls is None and not table.segment:
         yield "", 'has no rolls; rolls = "rolls.csv", or first = "900 mm" and [[machine.segment]]'
     elif table.rolls is not None and table.segment:
-        yield "", "rolls and segment exclude each other; give one of the two"
+        yield "rolls+segment", "rolls and segment exclude each other; give one of the two"
     elif table.segment and table.first is None:
         fix = 'where the first pair of the segments stands, such as "900 mm"'
         yield "first", f"is missing; {fix}"
@@ -48,8 +47,8 @@ def _holds(case: Case, table: Machine) -> Faults:
         yield _key(table), text
     width = case.section.outline()[0]
     if rolls.edges is not None and not isinstance(case.section, Rectangle):
-        other = f"a {case.section.tag} has no narrow faces that rolls could support"
-        yield _key(table), f"{rolls.edges.place(0)}: {other}; leave out the rows of side narrow"
+        text = f'only a section of shape "rectangle" has rolls there, not a "{case.section.tag}"'
+        yield _key(table), f"{rolls.edges.place(0)}: {text}; leave out the rows of side narrow"
     elif rolls.edges is not None and width is not None:
         edges = list(faults(rolls.edges, width, ends, "narrow face"))
         yield from ((_key(table), text) for text in _together(rolls.edges, edges))
@@ -169,7 +168,7 @@ def _far(rolls: Rolls, size: float, how: str) -> Iterator[str]:
     for i in range(len(rolls.pairs)):
         aperture = rolls.aperture(i, size)
         if abs(aperture / size - 1.0) > 0.1:
-            of = f"of a section {1e3 * size:g} mm {how}"
+            of = f"of a section {1e3 * size:g} mm {how}; is one of the two wrong?"
             yield f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) {of}"
             return
 

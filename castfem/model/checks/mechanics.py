@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from castfem.base.constants import ROUNDING
 from castfem.base.units import in_mm
 from castfem.model.base import Faults
-from castfem.model.bulging import Bulging
 from castfem.model.checks.registry import check
-from castfem.model.mechanics import MOULD_EXIT, Mechanics
+from castfem.model.mechanics import MOULD_EXIT, Bulging, Mechanics
 from castfem.model.quality import FEEDING, Quality
 from castfem.model.secondary import is_wide
 from castfem.model.thermal import negative_options

@@ -117,7 +117,7 @@ def _below(table: TableModel, value: Any, path: Path, key: str) -> Iterator[Give
 def _rolls(rolls: Any) -> Iterator[Given]:
     if rolls is None or isinstance(rolls, Unreadable):
         return
-    from castfem.physics.machine.rolls import KINDS
+    from castfem.physics.machine.roll_table import KINDS
 
     path = ("machine", "rolls")
     narrow = () if rolls.edges is None else rolls.edges.pairs

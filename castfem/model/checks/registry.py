@@ -1,8 +1,9 @@
 """Registry of the checks of a case; the check functions stand beside their tables.
 
 A check takes the case and one of its tables and yields faults as pairs: the key within that table
-("" for the table itself, "/a.b" for a key of the case) and a text. Values of a faulty case that
-could not be read are `Unreadable`: a check that uses one ends there, and the others go on.
+("" for the table itself, "/a.b" for a key of the case, "a+b" for keys that exclude each other) and
+a text. Values of a faulty case that could not be read are `Unreadable`: a check that uses one ends
+there, and the others go on.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class Checks:
                 try:
                     for key, text in found(case, table):
                         sound = sound and not self._of_faults
-                        yield Problem(_path(place, key), text)
+                        yield _problem(_path(place, key), text)
                 except FaultyError:
                     pass
                 except _TRIPPED as error:
@@ -97,6 +98,13 @@ def _path(place: Path, key: str) -> Path:
     return (*place, *(int(part) if part.isdigit() else part for part in key.split(".") if part))
 
 
+def _problem(path: Path, text: str) -> Problem:
+    keys = str(path[-1]).split("+") if path else []
+    if len(keys) < 2:
+        return Problem(path, text)
+    return Problem(path[:-1], text, together=tuple((*path[:-1], key) for key in keys))
+
+
 def given(table: Any, *keys: str) -> list[str]:
     """Return which of some keys a table has."""
     return [key for key in keys if getattr(table, key) is not None]
@@ -109,7 +117,7 @@ def one_of(table: Any, samples: dict[str, str]) -> Faults:
         written = ", ".join(f"{key} = {sample}" for key, sample in samples.items())
         yield "", f"{', '.join(names[:-1])} or {names[-1]} is missing; one of {written}"
     elif len(found) > 1:
-        yield "", f"{' and '.join(found)} exclude each other; give one of them"
+        yield "+".join(found), f"{' and '.join(found)} exclude each other; give one of them"
 
 
 def twice(names: list[str], key: str, same: Callable[[str], str] = str) -> Faults:

@@ -20,7 +20,7 @@ from castfem.model.casting import Start
 from castfem.model.checks.cooling import law_groups
 from castfem.model.checks.registry import caution, own_caution
 from castfem.model.cooling import Contact, HeatLaw, Radiation, Spray, Zone
-from castfem.model.extraction import COUPLED, Extraction
+from castfem.model.machine import Extraction
 from castfem.model.mechanics import Coupling, Mechanics, Way
 from castfem.model.mould import Mould
 from castfem.model.problems import Problem
@@ -355,7 +355,7 @@ def _liquid(case: Case, table: Mechanics) -> Faults:
 def _extraction(case: Case, table: Extraction) -> Faults:
     """Report friction and bending beside a maker's curve that already contains them."""
     rolls = None if case.machine is None else case.machine.pairs()
-    if rolls is None or table.resistance == COUPLED:
+    if rolls is None or table.coupled:
         return
     locked = any(pair.locked for pair in rolls.pairs)
     for name in ("bending", *(() if locked else ("friction_axis", "friction_surface"))):

@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from castfem.base import ranges
+from castfem.base.csv_files import unreadable
 from castfem.base.errors import InputError, choices, shown
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve as TableReader
@@ -368,11 +369,8 @@ def _parse(name: str, base: Path, holds: str) -> tuple[dict[str, Any], str]:
             f'law: "{name}" {"holds none" if name in shipped else "not found"}; '
             f"one of {choices(names)}, or the path of a TOML file{nearest(name, names)}"
         )
-    except FileNotFoundError:
-        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
-        raise InputError(f'law: "{label}" not found{near}') from None
     except OSError as error:
-        raise InputError(f"{label}: cannot be read: {error.strerror}") from None
+        raise InputError(f'law: "{label}": {unreadable(path, error)}') from None
     except UnicodeDecodeError:
         raise InputError(f"{label}: is not UTF-8 text; save it in that encoding") from None
     except tomllib.TOMLDecodeError as error:

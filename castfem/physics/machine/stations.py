@@ -35,7 +35,7 @@ class Stations:
         """Make those of rolls from `columns`."""
         if rolls is None:
             return cls(None, thickness or 0.0, mould_exit)
-        from castfem.physics.machine.rolls import read_rolls
+        from castfem.physics.machine.roll_table import read_rolls
 
         found = read_rolls({name: rolls[name] for name in rolls if name not in (_OFF, _DESIGNED)})
         offsets, designed = (rolls.get(name) for name in (_OFF, _DESIGNED))
@@ -51,7 +51,7 @@ class Stations:
         """Return the rolls as columns, with displacements of misaligned ones; None without any."""
         if self.rolls is None:
             return None
-        from castfem.physics.machine.rolls import columns_of
+        from castfem.physics.machine.roll_table import columns_of
 
         found, pairs = columns_of(self.rolls), self.rolls.pairs
         if any(pair.offset for pair in pairs):

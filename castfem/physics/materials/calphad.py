@@ -14,6 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from castfem.base.atomic_files import replacing, taken
+from castfem.base.csv_files import unreadable
 from castfem.base.errors import CannotWrite
 from castfem.base.libraries import cache_folder
 from castfem.base.log import logger
@@ -45,7 +46,7 @@ def table_of(request: Request, composition: Mapping[str, float]) -> PhaseTable:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise ValueError(f"cannot be read ({error.strerror})") from None
+        raise ValueError(unreadable(path, error)) from None
     if path.suffix.lower() == ".csv":
         return _stored(data, request, composition)
     return _cached(request, written(composition), sha256(data).hexdigest())

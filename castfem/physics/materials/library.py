@@ -10,7 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from castfem.base.csv_files import unreadable
 from castfem.base.errors import InputError, choices, dotted, shown
+from castfem.base.quantities import PERCENT
 from castfem.base.units import nearest
 from castfem.physics.materials import schema
 from castfem.physics.materials.alloying import ELEMENTS, MAX_ALLOYING
@@ -130,12 +132,11 @@ def _locate(name: str, base: Path, origin: str) -> Path:
     """Return the file of a steel."""
     if name.endswith(".toml") or "/" in name or os.sep in name:
         path = base / name
-        if path.is_file():
-            return path
-        if path.is_dir():
-            raise InputError(f'{origin}.name ("{name}"): is a folder, a file is needed')
-        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
-        raise InputError(f'{origin}.name ("{name}"): file not found: {path}{near}')
+        try:
+            path.open().close()
+        except OSError as error:
+            raise InputError(f'{origin}.name ("{name}"): {unreadable(path, error)}') from None
+        return path
     path = FOLDER / f"{name}.toml"
     if name and path.is_file():
         return path
@@ -167,7 +168,7 @@ def _parse(path: Path, label: str) -> dict[str, Any]:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
-        raise InputError(f"{label}: cannot be read: {error.strerror}") from None
+        raise InputError(f"{label}: {unreadable(path, error)}") from None
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise InputError(
@@ -223,22 +224,23 @@ def _composition(
         text = f"{name} is not computed from a composition; leave it out, take {sets}, or write "
         text += "the composition into the file of your own steel: its laws then go by it"
         own = given.composition.items()
-        sound = {e: float(w) for e, w in own if isinstance(w, int | float)}
+        sound = {e: value for e, w in own if (value := _percent(w)) is not None}
         return sound, [Problem(("composition",), text)]
-    for element, value in {**given.composition, **(asked or {})}.items():
+    for element, written in {**given.composition, **(asked or {})}.items():
         most = MAX_CARBON if element == "C" else MAX_ALLOYING
         if request is not None:
             most = 50.0  # iron is the rest; the limits of the database are reported separately
         if element not in ELEMENTS and element not in TRACES:
             text = f"no data for this element; known: {choices(ELEMENTS)}"
             text += nearest(element, ELEMENTS)
-        elif isinstance(value, bool) or not isinstance(value, int | float):
-            text = f"({shown(value)}) must be a plain number, in weight percent"
+        elif (value := _percent(written)) is None:
+            text = f"({shown(written)}) must be weight percent: a plain number, or with a sign, "
+            text += '"0.42 %"'
         elif not 0.0 <= value <= most:
             text = f"({value:g}) is out of range; 0 to {most:g} weight percent"
         else:
             if element in ELEMENTS or request is not None:
-                amounts[element] = float(value)
+                amounts[element] = value
             continue
         problems.append(Problem(("composition", element), text))
     for element in given.from_composition:
@@ -246,6 +248,14 @@ def _composition(
             text = f"is needed by {name}, in weight percent, such as {element} = 0.2"
             problems.append(Problem(("composition", element), text))
     return amounts, problems
+
+
+def _percent(written: Any) -> float | None:
+    """Return weight percent as written in a file, None if it is none."""
+    try:
+        return PERCENT.read(written)
+    except ValueError:
+        return None
 
 
 def _line(

@@ -18,7 +18,7 @@ import numpy as np
 from castfem.base.constants import STEFAN_BOLTZMANN
 from castfem.base.types import Array
 from castfem.physics.thermal.mould_flux import Curve, with_slope
-from castfem.physics.thermal.spray_correlations import Correlation
+from castfem.physics.thermal.spray_correlations import Correlation, flows_up_to
 
 
 class SurfaceLaw(ABC):
@@ -301,8 +301,9 @@ class Sprayed(SurfaceLaw):
         return self._at(self.water(time)).flux(temperature, time)
 
     def least_rise(self, temperatures: Array, time: float) -> float:
-        """See `SurfaceLaw.least_rise`; for the largest flow."""
-        return float(self._at(self.most).flux(temperatures, time)[1].min())
+        """See `SurfaceLaw.least_rise`; of all flows up to the largest: h may fall with water."""
+        flows = (float(one) for one in flows_up_to(self.most))
+        return min(float(self._at(one).flux(temperatures, time)[1].min()) for one in flows)
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""

@@ -45,6 +45,18 @@ class Correlation:
         return np.asarray(self.formula(water, water_temperature, surface) / machine_factor)
 
 
+def flows_up_to(most: float, least: float = 0.0) -> Array:
+    """Flows from 0 to `most`, in steps of at most a tenth of the flow above its hundredth.
+
+    Args:
+        most: Largest flow, L/(m2 s).
+        least: A flow to be among them, L/(m2 s).
+    """
+    growing = most * np.geomspace(0.01, 1.0, 50)
+    growing[-1] = most  # without rounding
+    return np.unique(np.r_[0.0, min(least, most), growing])
+
+
 CORRELATIONS: dict[str, Correlation] = {}
 """The correlations by their names in case files."""
 

@@ -7,7 +7,7 @@ from the sum, and grows more slowly.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Protocol
@@ -17,10 +17,10 @@ import numpy as np
 from castfem.base.types import Array, Indices
 from castfem.physics.thermal.flux_laws import SurfaceLaw
 from castfem.physics.thermal.mould_flux import with_slope
-from castfem.physics.thermal.spray_correlations import Correlation
+from castfem.physics.thermal.spray_correlations import Correlation, flows_up_to
 
 
-class Coefficient(Protocol):
+class Coefficient(Hashable, Protocol):
     """Heat transfer coefficient h of a nozzle model for the water on a surface."""
 
     def __call__(self, water: Array, surface: Array) -> Array:
@@ -28,6 +28,17 @@ class Coefficient(Protocol):
 
     def with_slope(self, water: Array, surface: Array) -> tuple[Array, Array]:
         """Return h and its derivative by the temperature (n,), W/m2K2."""
+
+    def extremes(self, most: float, temperatures: Array) -> tuple[Array, Array]:
+        """Return where the rise of the flux h (T - Tw) can be least, for flows up to `most`.
+
+        Args:
+            most: Largest flow, kg/(m2 s).
+            temperatures: Dense temperatures for a coefficient that is smooth (g,), K.
+
+        Returns:
+            Increasing flows from 0 (w,), the last at least `most`, and temperatures (t,), K.
+        """
 
 
 @dataclass(frozen=True)
@@ -57,6 +68,17 @@ class CoefficientTable:
     def most(self) -> float:
         """Largest flow, kg/(m2 s)."""
         return self.water[-1]
+
+    def extremes(self, most: float, temperatures: Array) -> tuple[Array, Array]:
+        """See `Coefficient`: the rise is linear between rows, on both sides of each, and columns.
+
+        Flows between the columns make no smaller ones, but tell a vertex with less water from one
+        with more.
+        """
+        rows, flows, _ = self._arrays
+        fourths = np.arange(4 * len(flows) - 3) / 4.0
+        between = np.interp(fourths, np.arange(len(flows)), flows)
+        return between, np.r_[np.nextafter(rows, 0.0), rows]
 
     def __call__(self, water: Array, surface: Array) -> Array:
         """See `Coefficient`."""
@@ -105,6 +127,10 @@ class OfCorrelation:
     def with_slope(self, water: Array, surface: Array) -> tuple[Array, Array]:
         """See `Coefficient`."""
         return with_slope(lambda temperature: self(water, temperature), surface)
+
+    def extremes(self, most: float, temperatures: Array) -> tuple[Array, Array]:
+        """See `Coefficient`: sampled densely."""
+        return flows_up_to(most, self.correlation.water[0]), temperatures[::5]
 
 
 def water_across(places: Array, nozzles: Sequence[float], width: float, edge: float) -> Array:
@@ -156,10 +182,16 @@ class SprayWater(SurfaceLaw):
         return _flux(coefficients, self.flows(time), self.water_temperature, temperature)
 
     def least_rise(self, temperatures: Array, time: float) -> Array:
-        """See `SurfaceLaw.least_rise` (n,); for the largest flows."""
-        grid = temperatures[::5]  # sufficiently dense
-        most = tuple(((row.water * row.most).tobytes(), row.coefficient) for row in self.rows)
-        return _least_rise(most, self.water_temperature, grid.tobytes())
+        """See `SurfaceLaw.least_rise` (n,): of all flows up to the largest, of each nozzle model.
+
+        The rise of the mean of several models, whose weights add up to 1, is not below the least of
+        theirs. h may fall with water, so that the largest flow need not be the worst.
+        """
+        most = np.sum([row.water * row.most for row in self.rows], axis=0)
+        top, grid = float(most.max(initial=0.0)), temperatures.tobytes()
+        models = dict.fromkeys(row.coefficient for row in self.rows)
+        bounds = [_least_rises(one, self.water_temperature, top, grid) for one in models]
+        return np.min([least[flows.searchsorted(most)] for flows, least in bounds], axis=0)
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""
@@ -194,23 +226,20 @@ def _flux(
     return h * excess, h + slope * excess
 
 
-@lru_cache(maxsize=1024)  # the slices of a strand pass the same rows, each with its own laws
-def _least_rise(
-    rows: tuple[tuple[bytes, Coefficient], ...], water_temperature: float, grid: bytes
-) -> Array:
-    """Smallest rise of the flux at each vertex (n,), from the water of each row there and its h.
+@lru_cache(maxsize=256)  # the slices of a strand pass the same rows, each with its own laws
+def _least_rises(
+    coefficient: Coefficient, water_temperature: float, most: float, grid: bytes
+) -> tuple[Array, Array]:
+    """Return flows up to `most` (w,), and the smallest rise of the flux up to each of them (w,).
 
-    Arrays are passed as bytes, which can be compared.
+    The grid of temperatures is passed as bytes, which can be compared.
     """
-    temperatures = np.frombuffer(grid)
-    water = [np.frombuffer(one)[:, None] for one, _ in rows]
-    shape = (len(water[0]), len(temperatures))
-    flows = [np.broadcast_to(one, shape) for one in water]
-    coefficients = [coefficient for _, coefficient in rows]
-    slope = _flux(coefficients, flows, water_temperature, np.broadcast_to(temperatures, shape))[1]
-    found = np.asarray(slope.min(axis=1, initial=np.inf))
-    found.flags.writeable = False
-    return found
+    flows, surface = coefficient.extremes(most, np.frombuffer(grid))
+    water, surface = np.meshgrid(flows, surface, indexing="ij")
+    slope = _flux([coefficient], [water], water_temperature, surface)[1]
+    least = np.minimum.accumulate(slope.min(axis=1))
+    # Beyond its last flow a table is constant.
+    return np.r_[flows, np.inf], np.r_[least, least[-1]]
 
 
 @dataclass(frozen=True, slots=True)

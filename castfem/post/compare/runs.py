@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
+from castfem.base.units import nearest
 from castfem.runs.output.folder import CASTER_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.run_record import RunRecord
@@ -131,6 +132,7 @@ def base_of(runs: Sequence[Run], named: str | None) -> Run:
     for run in runs:
         if named == run.label or Path(named).resolve() == run.folder.resolve():
             return run
+    labels = [run.label for run in runs]
     raise InputError(
-        f"--base {named}: not one of the runs ({', '.join(run.label for run in runs)})"
+        f"--base {named}: not one of the runs ({', '.join(labels)}){nearest(named, labels)}"
     )

@@ -10,6 +10,7 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.shown_units import is_chosen, place_said, plain_unit
+from castfem.base.units import nearest
 from castfem.post.plots.history import axis_label
 from castfem.post.plots.section import section_triangles, shade
 from castfem.runs.output.fields import Fields
@@ -31,7 +32,8 @@ def plot_columns(table: Columns, names: Sequence[str], axes: Axes | None) -> Axe
     unknown = [name for name in names if name not in table]
     if unknown or not names:
         missing = ", ".join(unknown) or "is named"
-        raise InputError(f"plot: no column {missing}; there are {', '.join(table.columns)}")
+        near = nearest(unknown[0], table.columns) if unknown else ""
+        raise InputError(f"plot: no column {missing}; there are {', '.join(table.columns)}{near}")
     units = {str(table.attrs["units"].get(name, "-")) for name in names}
     if len(units) > 1:
         raise InputError(

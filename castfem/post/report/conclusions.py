@@ -105,12 +105,19 @@ def _worst(
     for name, value, _, where in found.ranking:
         if name not in ("I1", "I2"):
             continue
-        ratio = "no limit is known: compare with a run of the intact machine"
+        ratio = f"no limit is known: compare with {_another(folder)}"
         if base is not None and theirs is not None:
             ratio = _ratio(found, theirs, name, base[0])
         yield f"worst place by {name}", f"{where}: {value}; {ratio}"
     if found.nowhere:
         yield "worst place", found.nowhere
+
+
+def _another(folder: Path) -> str:
+    """The run to compare indexes with: of the machine without its defects, if it has any."""
+    case = case_with(folder, "defect")
+    flawed = case is not None and case.machine is not None and case.machine.defect
+    return "a run of the intact machine" if flawed else "a run of another machine or cooling"
 
 
 def _ratio(found: CrackPlaces, theirs: CrackPlaces, name: str, label: str) -> str:

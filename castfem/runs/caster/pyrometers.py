@@ -10,6 +10,7 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.types import Array
+from castfem.base.units import nearest
 
 if TYPE_CHECKING:
     from castfem.model.caster import Caster
@@ -43,7 +44,8 @@ class Passing:
         names = run.sampler.surface_vertices
         for i, one in enumerate(places):
             if one.on not in names:
-                raise InputError(f"caster.pyrometer.{i}.on: '{one.on}': one of {', '.join(names)}")
+                known = f"one of {', '.join(names)}{nearest(one.on, names)}"
+                raise InputError(f"caster.pyrometer.{i}.on: '{one.on}': {known}")
         self._places = places
         self._vertices = [names[one.on] for one in places]
         self.passed = [list(one) for one in passed]

@@ -15,6 +15,7 @@ from functools import lru_cache
 from typing import Any
 
 from castfem.base.errors import InputError, choices
+from castfem.base.units import nearest
 from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
@@ -61,8 +62,19 @@ def factors_of(word: str) -> dict[str, float]:
     """
     level = LEVELS.get(word)
     if level is None:
-        raise InputError(f"--accuracy {word}: unknown; use one of {choices(LEVELS)}")
+        near = nearest(word, LEVELS)
+        raise InputError(f"--accuracy {word}: unknown; use one of {choices(LEVELS)}{near}")
     return {MESH: level.cells, STEP: level.window, COUPLING: level.window}
+
+
+def at_accuracy(case: Case, word: str) -> Case:
+    """Return a case at an accuracy level, with a title that says so."""
+    return case.with_(changes(case, factors_of(word)) | {"title": titled(case, word)})
+
+
+def titled(case: Case, word: str) -> str:
+    """Return the title of a case at an accuracy level."""
+    return f"{case.title}; {word} accuracy"
 
 
 def assignments(case: Case, word: str) -> list[str]:

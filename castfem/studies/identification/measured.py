@@ -78,7 +78,7 @@ def read_tensile(path: str | os.PathLike[str]) -> TensileData:
     try:
         file = read_csv(source)
     except UnreadableError as error:
-        raise InputError(f"{source}: cannot be read: {error}") from None
+        raise InputError(f"{source}: {error}") from None
     if not file.headings:
         raise InputError(f"{source}: empty; its first line must be '{HEADER}'")
     places, units, problems = _header(f"{source}: line {file.line}", file.headings)

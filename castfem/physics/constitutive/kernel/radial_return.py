@@ -55,6 +55,18 @@ TINY_LN = -690.0  # viscoplastic strains below exp of this count as zero
 
 
 @compiled
+def _begin(kind, c, old, left, signed, goal, high, ln_dt):  # type: ignore[no-untyped-def]
+    """Return ln dp at which the search for a root below `high` begins."""
+    if signed and old + left * math.exp(high) <= 0.0:
+        # While flow is reversed e = q/E, and with p4 > 0 zero stress is a root, too; only to the
+        # left of the wanted root is the flow stress below the stress of the point.
+        return high - LN_2
+    if signed and old < 0.0:  # the back stress may assist the flow
+        return high
+    return min(high, fastest(kind, c, goal, ln_dt))
+
+
+@compiled
 def _return_to_flow(  # type: ignore[no-untyped-def]
     kind, c, old, aside, left, signed, trial, threshold, ln_dt, near
 ):
@@ -68,16 +80,8 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
     shear3 = 3.0 * c[SHEAR]
     goal = math.log(trial - threshold)
     low, high = NOTHING, math.log(trial / shear3)
-    z, fall = high, 1.0
-    if signed and old + left * math.exp(high) <= 0.0:
-        # While flow is reversed e = q/E, and with p4 > 0 zero stress is a root, too; only to the
-        # left of the wanted root is the flow stress below the stress of the point.
-        z = high - LN_2
-    elif not signed or old >= 0.0:  # otherwise the back stress may assist the flow
-        z = min(high, fastest(kind, c, goal, ln_dt))
-    if near > 0.0:
-        z = math.log(near)
-    solved = False
+    z = math.log(near) if near > 0.0 else _begin(kind, c, old, left, signed, goal, high, ln_dt)
+    fall, solved = 1.0, False
     for _ in range(STEPS):
         increment = math.exp(z)
         flow, slope, by_trial, by_old = flow_stress(
