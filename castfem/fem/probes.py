@@ -45,7 +45,11 @@ class Profile:
     cell: Array | None = None  #: size along the line of the cell of each sample (n,), m
     #: quantity that is linear between the samples; None for the temperature itself
     conducts: Conducts | None = None
-    theta: Array | None = None  #: theta at the samples, if known (n,), W/m
+    theta: Array | None = None  #: theta at these temperatures, if known (n,), W/m
+
+    def at_temperatures(self, temperature: Array) -> Profile:
+        """The profile of the same line at other temperatures (n,), K."""
+        return Profile(self.depth, temperature, self.cell, self.conducts)
 
     def cell_at(self, level: float) -> float:
         """Size of the cell in which `level` (K) is first crossed, m; NaN if it is not."""

@@ -189,6 +189,20 @@ def test_no_heat_is_lost() -> None:
     assert AHEAD.later(warm, 600.0).temperature == pytest.approx(warm.temperature, abs=1e-6)
 
 
+def test_the_front_of_a_prediction_is_that_of_its_own_temperatures() -> None:
+    """Also if the profile it starts from knows its conduction integral, as those of a run do."""
+    curve = STEEL.thermal_curve(1200.0, STEEL.liquidus + 50.0)
+    first, last = (
+        Profile(p.depth, p.temperature, conducts=curve, theta=curve.conduction(p.temperature))
+        for p in (exact(40.0), exact(44.0))
+    )
+    for time in (41.0, 50.0):
+        found = AHEAD.at(time, (40.0, 44.0), first, last)
+        own = Profile(found.depth, found.temperature, conducts=curve)
+        assert shell(found) == pytest.approx(shell(own), rel=1e-12)
+        assert shell(found) == pytest.approx(shell(exact(time)), rel=0.01)
+
+
 def test_within_a_step_the_profile_is_between_its_ends() -> None:
     first, last = exact(40.0), exact(44.0)
     for time, share in ((30.0, 0.0), (40.0, 0.0), (41.0, 0.25), (44.0, 1.0)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +50,7 @@ class ShellPrediction:
             return self.later(after, time - end)
         share = max(time - start, 0.0) / (end - start)
         temperature = (1.0 - share) * before.temperature + share * after.temperature
-        return replace(after, temperature=np.asarray(temperature))
+        return after.at_temperatures(np.asarray(temperature))
 
     def later(self, profile: Profile, duration: float) -> Profile:
         """Profile after some seconds; no heat flows through its end, the middle of the slab.
@@ -75,7 +75,7 @@ class ShellPrediction:
             enthalpy[-1] -= duration / steps / (0.5 * dx) * flux[-1]
         gained = curve.at(enthalpy).temperature - start
         ahead = profile.temperature + np.interp(profile.depth, x, gained)
-        return replace(profile, temperature=np.asarray(ahead))
+        return profile.at_temperatures(np.asarray(ahead))
 
 
 @dataclass(frozen=True, slots=True)
