@@ -79,18 +79,6 @@ def test_a_key_of_the_adaptive_step_takes_the_place_of_a_fixed_one(write, sound)
     assert load_case(write(text), ["tolerance=0.3 K", "step=2 s"]).thermal.time.adaptive is None
 
 
-def test_sharp_corners_have_no_corner_group(write, sound):
-    case = load_case(write(sound.replace('corner_radius = "5 mm"\n', "")))
-    assert case.zones()[0].laws[0][0] == ("wide_face", "narrow_face")
-
-
-def test_a_strip_is_cooled_at_its_surface(write, sound):
-    text = sound.replace('shape = "rectangle"', 'shape = "strip"\nlength = "50 mm"').replace(
-        'width = "125 mm"\nheight = "125 mm"\ncorner_radius = "5 mm"', 'width = "1 mm"'
-    )
-    assert load_case(write(text)).zones()[0].laws[0][0] == ("surface",)
-
-
 def test_extends_merges_tables_and_replaces_arrays(write, sound):
     write(sound, "base/base.toml")
     write('extends = "base.toml"\n[casting]\nspeed = "1 m/min"\n', "base/middle.toml")
@@ -188,11 +176,8 @@ def test_extends_a_shipped_case_by_its_name(write):
 
 def test_syntax_error_in_the_extended_file(write):
     base = write("[casting\n", "base.toml")
-    with pytest.raises(InputError, match="line 1"):
+    with pytest.raises(InputError, match=f"^{base}: line 1"):
         load_case(write('extends = "base.toml"\n'))
-    with pytest.raises(InputError) as caught:
-        load_case(write('extends = "base.toml"\n'))
-    assert str(caught.value).startswith(str(base))
 
 
 @pytest.mark.parametrize(
@@ -360,16 +345,6 @@ def test_references_hold_where_the_run_ends(write, sound):
     assert load_case(path, ["casting.length=1 m"]).expected() == ()
 
 
-def test_cases_are_loaded_without_heavy_modules(write):
-    """Neither DOLFINx nor MPI nor gmsh nor plotting comes along."""
-    code = (
-        "import sys; from castfem.model import load_case; load_case(sys.argv[1]); "
-        "bad = {'dolfinx', 'gmsh', 'mpi4py', 'petsc4py', 'ufl', 'matplotlib', 'pandas', "
-        "'click', 'rich'} & set(sys.modules); assert not bad, bad"
-    )
-    subprocess.run([sys.executable, "-c", code, str(write())], check=True)
-
-
 def test_the_commands_are_known_without_the_models_of_cases():
     """`castfem --help` and the shell's completion answer without numpy and pydantic."""
     code = (
@@ -377,13 +352,6 @@ def test_the_commands_are_known_without_the_models_of_cases():
         "& set(sys.modules); assert not bad, bad"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_overrides_take_bare_names(write, sound):
-    case = load_case(write(sound), ("speed=3 m/min",))
-    assert case.casting.speed == pytest.approx(0.05)
-    with pytest.raises(InputError, match=r"--set: sped: .* did you mean casting\.speed\?"):
-        load_case(write(sound), ("sped=3 m/min",))
 
 
 @pytest.mark.parametrize(
@@ -424,10 +392,6 @@ def test_the_title_says_what_was_changed(write, sound):
     assert case.with_(speed="4 m/min").title == f"{plain}; casting.speed = 4 m/min"
     assert case.with_(title="mine").title == "mine"
     assert case.physics_hash() == case.with_(title="mine").physics_hash()
-    many = [f"mesh.{k}_size=9 mm" for k in ("surface", "corner", "face", "core")]
-    assert load_case(write(), many).title.endswith("; mesh.face_size = 9 mm; and 1 more")
     long = [f"thermal.solver.{'x' * 50}{i}=5" for i in range(10)]
     title = load_case(write(), long).title
     assert len(title) < 130 and re.search(r"; and \d+ more$", title)
-    title = load_case(write(), [*many, "casting.speed=3 m/min"]).title
-    assert title.startswith(f"{plain}; casting.speed = 3 m/min; mesh.surface_size")

@@ -51,16 +51,6 @@ def test_csv_beside_the_file_that_names_it(write, sound, tmp_path, monkeypatch):
     assert table == Table("temperature", (293.15, 1773.15), (0.8, 0.9))
 
 
-def test_semicolons_and_units(write, sound):
-    write("time [ms];value [kW/m^2]\n0;5\n20;6\n", "q.csv")
-    text = sound.replace(
-        'law = "radiation"\nambient = "25 degC"', 'law = "flux"\nvalue.file = "q.csv"'
-    )
-    assert load_case(write(text)).cooling[1].surface[0].value == Table(
-        "time", (0.0, 0.02), (5e3, 6e3)
-    )
-
-
 def test_cells_of_a_file_may_have_their_own_unit(write, sound):
     """Those without have that of the column, which is not needed where there are none."""
     write("time [ms], value [kW/m^2]\n0, 5\n20, 0.006 MW/m^2\n", "q.csv")
@@ -91,34 +81,21 @@ def test_hundred_rows_survive_the_resolved_case(write, sound):
     ("table", "said"),
     [
         ('{ temperature = [], temperature_unit = "degC", value = [] }', "'temperature' is empty"),
-        (
-            '{ temperature = [900, 20], temperature_unit = "degC", value = [0.8, 0.9] }',
-            "must increase from row to row; row 2 does not exceed row 1",
-        ),
-        (
-            '{ temperature = [20, nan], temperature_unit = "degC", value = [0.8, 0.9] }',
-            "'temperature' row 2 (nan): a finite number",
-        ),
-        (
-            '{ temperature = [20, 30], temperature_unit = "degC", value = [0.8, 1.3] }',
-            "'value' row 2 (1.3): must not be above 1",
-        ),
-        (
-            '{ temperature = [20, 30], temperature_unit = "degC", value = [0.8] }',
-            "2 rows of temperature, but 1 of value",
-        ),
-        (
-            "{ temperature = [20, 30], value = [0.8, 0.9] }",
-            'name the unit of the column once, temperature_unit = "degC"',
-        ),
+        ('{ temperature = [900, 20], temperature_unit = "degC", value = [0.8, 0.9] }',
+         "must increase from row to row; row 2 does not exceed row 1"),
+        ('{ temperature = [20, nan], temperature_unit = "degC", value = [0.8, 0.9] }',
+         "'temperature' row 2 (nan): a finite number"),
+        ('{ temperature = [20, 30], temperature_unit = "degC", value = [0.8, 1.3] }',
+         "'value' row 2 (1.3): must not be above 1"),
+        ('{ temperature = [20, 30], temperature_unit = "degC", value = [0.8] }',
+         "2 rows of temperature, but 1 of value"),
+        ("{ temperature = [20, 30], value = [0.8, 0.9] }",
+         'name the unit of the column once, temperature_unit = "degC"'),
         ('{ temperature = ["20 degC", "30 degC"] }', "needs the column 'value'"),
-        (
-            '{ temprature = ["0 s", "1 s"], value = [0.8, 0.9] }',
-            "did you mean temperature?",
-        ),
+        ('{ temprature = ["0 s", "1 s"], value = [0.8, 0.9] }', "did you mean temperature?"),
         ('{ file = "missing.csv" }', "cannot read the table"),
     ],
-)
+)  # fmt: skip
 def test_bad_table(write, sound, table, said):
     with pytest.raises(InputError) as caught:
         load_case(write(sound + f"emissivity = {table}\n"))
