@@ -170,20 +170,14 @@ def test_tabs_part_the_columns_as_semicolons_do(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        (
-            b"position, value [MW/m^2]\n0, 2\n30, 1\n",
-            "flux.csv' line 1: position has no unit; write it in the header, such as 'position [mm",
-        ),
-        (
-            b"position [mm], value [MW/m^2]\n0, nan\n30, 1\n",
-            "flux.csv': 'value' line 2 (nan): a fi",
-        ),
-        (
-            b"position [\xb5m], value [MW/m^2]\n0, 2\n",
-            "is not UTF-8 text; save it in that encoding (CSV",
-        ),
+        (b"position, value [MW/m^2]\n0, 2\n30, 1\n",
+         "flux.csv' line 1: position has no unit; write it in the header, such as 'position [mm"),
+        (b"position [mm], value [MW/m^2]\n0, nan\n30, 1\n",
+         "flux.csv': 'value' line 2 (nan): a fi"),
+        (b"position [\xb5m], value [MW/m^2]\n0, 2\n",
+         "is not UTF-8 text; save it in that encoding (CSV"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_with_a_table_in_a_file_names_it(
     tmp_path: Path, text: bytes, line: str
 ) -> None:
