@@ -7,6 +7,7 @@ import types
 from pathlib import Path
 
 import pytest
+from small_case import write_small
 
 SOUND = (Path(__file__).parents[2] / "cases" / "billet125" / "base.toml").read_text()
 
@@ -17,6 +18,23 @@ def case_file(tmp_path):
     path.parent.mkdir()
     path.write_text(SOUND)
     return path
+
+
+@pytest.fixture
+def refused(castfem, tmp_path):
+    """What is said of words that end with one and leave all files as they were."""
+
+    def _refused(*words) -> str:
+        write_small(tmp_path)
+        (tmp_path / "lone").mkdir()
+        (tmp_path / "lone" / "run.json").write_text("{}")
+        before = sorted(tmp_path.rglob("*"))
+        outcome = castfem(*words)
+        assert outcome.status == 1
+        assert sorted(tmp_path.rglob("*")) == before
+        return outcome.err
+
+    return _refused
 
 
 @pytest.fixture

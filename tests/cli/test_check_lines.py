@@ -188,19 +188,3 @@ def test_sprays_from_roll_to_roll_radiate_by_the_steel_too(castfem) -> None:
     outcome = castfem("check", "slab1200/sprays", "--set", "steel.name=copper")
     assert outcome.status == 1
     assert "secondary.emissivity: " in outcome.err
-
-
-def test_both_sets_are_told_at_once(castfem) -> None:
-    words = ("--set", "mechanics.law=none", "--set", "mechanics.elasticity=none")
-    outcome = castfem("check", "billet125/idealised", *words)
-    assert 'mechanics.law: "none"' in outcome.err
-    assert 'mechanics.elasticity: "none"' in outcome.err
-
-
-def test_check_tells_the_mechanics(castfem) -> None:
-    assert (
-        "mechanics: norton_hoff_kozlowski (numbers of a steel of 0.1 %C), free"
-        in castfem("check", "billet125/idealised").out
-    )
-    assert ", in a rigid mould" in castfem("check", "billet125/taper_1").out
-    assert "mechanics" not in castfem("check", "billet125/thermal").out

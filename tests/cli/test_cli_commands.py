@@ -15,7 +15,6 @@ import pytest
 
 import castfem as package
 from castfem.cli.app import app
-from castfem.model import load_case
 from castfem.model.schema import markdown_page
 
 
@@ -86,11 +85,6 @@ def test_check_tells_all_problems_the_steels_too(castfem, case_file):
     assert any("output.colour: unknown key (1)" in line for line in lines)
 
 
-def test_path_with_and_without_suffix(castfem, case_file):
-    assert castfem("check", case_file).status == 0
-    assert castfem("check", case_file.with_suffix("")).status == 0
-
-
 def test_cases_lists_what_can_be_run(castfem):
     outcome = castfem("cases")
     assert outcome.status == 0
@@ -153,7 +147,9 @@ def test_a_steel_without_its_composition_is_told_the_option(castfem):
     [
         (("check", "billet125/idealized"), "billet125/idealised?"),
         (("init", "nowhere/x"), "cannot be written"),
+        (("mesh", "billet125/thermal", "-o", "nowhere/m.png"), "castfem: nowhere/m.png: "),
         (("show", "nowhere"), "nowhere: no such folder"),
+        (("report", "nowhere"), "nowhere: no such folder"),
         (("material", "carbon_042", "-c", "C:0.2"), "C=0.42"),
     ],
 )
@@ -177,30 +173,10 @@ def test_usage_errors_end_with_one(castfem, words):
     assert outcome.err
 
 
-def test_help_tells_the_commands(castfem):
-    outcome = castfem("--help")
-    assert outcome.status == 0
-    for name in ("run", "check", "cases", "init", "show", "mesh", "material", "schema"):
-        assert name in outcome.out
-    shown = dict(re.findall(r"^  (\d+) +(.*)$", outcome.out.partition("Exit status:")[2], re.M))
-    assert list(shown) == ["0", "1", "2", "130"]
-    assert shown["1"].startswith("the input") and shown["130"].startswith("interrupted")
-
-
 def test_without_words_the_help_is_printed(castfem):
     outcome = castfem()
     assert (outcome.status, outcome.err) == (0, "")
     assert outcome.out == castfem("-h").out
-
-
-def test_help_of_a_command_has_arguments_options_and_defaults(castfem):
-    shown = " ".join(castfem("identify", "-h").out.split())
-    assert "Arguments: DATA.csv Tensile curves: temperature [..], strain rate [..]," in shown
-    assert "stress [..]. [required] Options: -o, --output PATH File of the law; by" in shown
-    assert "p1: positive (0 or more), free, or none (0). [default: positive]" in shown
-    assert shown.count("[default: ") == 1
-    for name in app.commands:  # neither the empty text nor "not given" is told as a default
-        assert not re.search(r'default: *(""|None|Sentinel)', castfem(name, "-h").out)
 
 
 @pytest.mark.parametrize("name", app.commands)
@@ -258,18 +234,6 @@ def test_light_commands_load_no_heavy_modules(tmp_path):
     subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path)
 
 
-def test_a_command_ends_without_a_search_for_garbage(tmp_path):
-    """Python would look through all objects several times before the process ends."""
-    code = (
-        "import atexit, gc, sys; from castfem.cli import main; "
-        "atexit.register(lambda: print(len(gc.get_objects()) < 1000 < gc.get_freeze_count())); "
-        "main(['cases'])"
-    )
-    words = [sys.executable, "-c", code]
-    done = subprocess.run(words, check=True, capture_output=True, text=True, cwd=tmp_path)
-    assert done.stdout.splitlines()[-1] == "True"
-
-
 def test_mesh_prints_and_draws(castfem, case_file):
     outcome = castfem("mesh", case_file, "-o", "m.png", "--set", "mesh.surface_size=2 mm")
     assert outcome.status == 0, outcome.err
@@ -285,13 +249,6 @@ def test_mesh_that_cannot_be_built(castfem, case_file):
         (line,) = wrong.err.splitlines()
         named = f"castfem: {case_file}: mesh: surface_depth = 300 mm is larger than core_depth"
         assert line.startswith(named)
-
-
-@pytest.mark.parametrize("picture", ["m.xyz", "m", "nowhere/m.png"])
-def test_picture_that_cannot_be_written(castfem, case_file, picture):
-    outcome = castfem("mesh", case_file, "-o", picture)
-    assert outcome.status == 1
-    assert outcome.err.startswith(f"castfem: {picture}: ")
 
 
 @pytest.mark.parametrize(
@@ -328,13 +285,6 @@ def test_a_picture_goes_into_a_folder_by_its_usual_name(castfem, words, name):
     assert (Path("pictures") / name).stat().st_size > 10_000
 
 
-def test_material_describes_and_plots(castfem):
-    outcome = castfem("material", "plain_carbon", "-c", "C=0.1", "-o", "steel.png")
-    assert outcome.status == 0, outcome.err
-    assert "0.1 %C" in outcome.out
-    assert Path("steel.png").stat().st_size > 10_000
-
-
 def test_material_freezes_segregated_beside_equilibrium(castfem):
     steel = ("material", "plain_carbon", "-c", "C=0.15", "-c", "S=0.01", "-o", "steel.png")
     solidus = []
@@ -347,24 +297,6 @@ def test_material_freezes_segregated_beside_equilibrium(castfem):
     assert "microsegregation" in line
     outcome = castfem(*steel, "--segregated", "--database", "steel.tdb")
     assert outcome.status == 1 and "--segregated: goes without a database" in outcome.err
-
-
-def test_mesh_parameters_are_si(case_file):
-    assert load_case(case_file).mesh_parameters() == {
-        "shape": "rectangle",
-        "width": 0.125,
-        "height": 0.125,
-        "corner_radius": 0.005,
-        "symmetry": "quarter",
-        "cell": "quadrilateral",
-        "order": 1,
-        "surface_size": 0.0003,
-        "corner_size": 0.0003,
-        "face_size": 0.004,
-        "core_size": 0.004,
-        "surface_depth": 0.005,
-        "core_depth": 0.02,
-    }
 
 
 @pytest.mark.parametrize(
@@ -383,15 +315,6 @@ def test_what_goes_on_after_an_interrupt_is_told(castfem, monkeypatch, command, 
     monkeypatch.setattr("castfem.cli.app.app", interrupted)
     outcome = castfem(command, "billet125/thermal")
     assert (outcome.status, outcome.err) == (130, f"castfem: interrupted{mend}\n")
-
-
-def test_an_interrupted_command_prints_one_line(castfem, monkeypatch):
-    def interrupted():
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("castfem.model.shipped_cases.shipped", interrupted)
-    outcome = castfem("cases")
-    assert (outcome.status, outcome.out, outcome.err) == (130, "", "castfem: interrupted\n")
 
 
 @pytest.mark.parametrize("error", [EOFError("Ran out of input"), click.Abort()])

@@ -9,17 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from small_case import write_small
 from synthetic_maps import write_maps
 
 import castfem as package
 from castfem.base.shown_quantity import Quantity
-from castfem.post.compare import figures as drawing
-from castfem.post.compare.figures import figures, parts
+from castfem.post.compare.figures import figures
 from castfem.post.compare.runs import Run
 from castfem.post.compare.table import SHARE, csv_table, lines, remarks, table_of
-from castfem.runs.output.history import History, read_history
+from castfem.runs.output.history import History
 from castfem.runs.output.summary_file import Comparison, Reference, Summary, Zone
 
 
@@ -94,34 +92,24 @@ def test_what_cannot_be_compared(castfem, runs, tmp_path):
 
 
 @pytest.mark.usefixtures("runs_here")
-def test_sweep_stands_for_its_runs(castfem, tmp_path):
-    write_small(tmp_path)
-    words = ("--set", "speed=3 m/min,4 m/min", "--set", "length=20 mm", "-j", 1, "-o", "out", "-q")
-    assert castfem("sweep", "small", *words).status == 0
-    outcome = castfem("compare", "out", "--no-figures")
-    assert outcome.status == 0, outcome.err
-    assert "base: speed 3 m/min" in outcome.out
-    head = (tmp_path / "out" / "compare" / "compare.csv").read_text().splitlines()[0]
-    assert "speed 4 m/min" in head
-
-
-@pytest.mark.usefixtures("runs_here")
-def test_runs_of_a_sweep_go_by_the_names_of_their_rows(castfem, tmp_path):
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (("--set", "speed=3 m/min,4 m/min"), ("speed 3 m/min", "speed 4 m/min")),
+        (("--table", "runs.csv"), ("slow & steady", "fast")),
+    ],
+)
+def test_sweep_stands_for_its_runs(castfem, tmp_path, words, names):
     write_small(tmp_path)
     (tmp_path / "runs.csv").write_text("name,speed [m/min]\nslow & steady,3\nfast,4\n")
-    words = ("--table", "runs.csv", "--set", "length=20 mm", "-j", 1, "-o", "out")
-    outcome = castfem("sweep", "small", *words)
-    assert outcome.status == 0, outcome.err
-    assert "slow & steady" in outcome.out
+    swept = castfem("sweep", "small", *words, "--set", "length=20 mm", "-j", 1, "-o", "out")
+    assert swept.status == 0, swept.err
+    assert ("slow & steady" in swept.out) == ("fast" in names)
     outcome = castfem("compare", "out", "--no-figures")
-    assert "base: slow & steady" in outcome.out
-
-
-def test_parts_of_a_column():
-    columns = ["surface_temperature_left_edge", "gap_left_edge", "von_mises_max"]
-    assert parts("gap_left_edge", columns) == ("gap", "left_edge")
-    assert parts("von_mises_max", columns) == ("von_mises", "max")
-    assert parts("axial_strain", columns) == ("axial_strain", "")
+    assert outcome.status == 0, outcome.err
+    assert f"base: {names[0]}" in outcome.out
+    head = (tmp_path / "out" / "compare" / "compare.csv").read_text().splitlines()[0]
+    assert names[1] in head
 
 
 def test_worst_places_and_defects_of_each_run(tmp_path):
@@ -280,72 +268,6 @@ def test_what_never_changes_is_not_drawn(tmp_path):
         made.append(Run(tmp_path / name, name, Summary(name, "finished")))
     found = {d.quantity: [panel.place for panel in panels] for d, panels in figures(made, made[0])}
     assert found == {"temperature": ["max"], "shell": ["corner"], "gap": ["corner", "max"]}
-
-
-def test_axes_have_no_offset_and_rounding_does_not_fill_them(tmp_path, monkeypatch):
-    """Zero columns are left out; a share spans 1 %, a gap 0.01 mm, whatever rounding there is."""
-    kept: dict[str, Figure] = {}
-    monkeypatch.setattr(
-        drawing, "save", lambda figure, path, **_: kept.setdefault(path.stem, figure)
-    )
-    columns = ("gap_corner", "mm"), ("contact_sticking", "-"), ("friction_force", "kN/m")
-    zero = _synthetic(tmp_path, "zero", 1.0, list(columns))
-    near = _synthetic(tmp_path, "near", 1.00001, list(columns))
-    for run, scale in ((zero, 1.0), (near, 2.0)):
-        table = read_history(run.folder / "history.csv")
-        table["gap_corner"] *= 1e-7 * scale
-        table[["contact_sticking", "friction_force"]] = 0.0
-        units = table.attrs["units"]
-        table.columns = [f"{name} [{units[name]}]" for name in table.columns]
-        table.to_csv(run.folder / "history.csv", index=False)
-    drawing.draw(tmp_path, [zero, near], zero)
-    assert list(kept) == ["heat_rate", "heat_removed", "heat_share", "gap"]
-    low, high = kept["heat_share"].axes[0].get_ylim()
-    assert (low, high) == pytest.approx((99.5, 100.5), abs=1e-3)
-    assert kept["gap"].axes[0].get_ylim() == pytest.approx((0.0, 0.01))
-    for figure in kept.values():
-        figure.canvas.draw()
-        for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)):
-            assert axis.get_offset_text().get_text() == ""
-
-
-def test_equal_panels_are_drawn_once(tmp_path):
-    columns = [("surface_temperature_a", "degC"), ("surface_temperature_b", "degC")]
-    made = [_synthetic(tmp_path, name, 1.0, columns) for name in ("one", "two")]
-    for run in made:
-        path = run.folder / "history.csv"
-        rows = [line.split(",") for line in path.read_text().splitlines()]
-        same = [",".join([*row[:-1], row[-2]]) for row in rows[1:]]
-        path.write_text("\n".join([",".join(rows[0]), *same]) + "\n")
-    found = {d.quantity: panels for d, panels in figures(made, made[0])}
-    assert [panel.place for panel in found["surface_temperature"]] == ["a"]
-
-
-def test_small_gaps_stand_in_micrometres_beside_wide_ones():
-    made = []
-    for name, gap in (("tight", 4.87e-6), ("loose", 0.55e-3)):
-        quantities = {"mould_gap_max": Quantity(gap, "mm", "largest gap in the mould")}
-        made.append(Run(Path(name), name, Summary(name, "finished", quantities)))
-    table = lines(made, made[0])
-    assert [row[1:] for row in table_of(made, table).rows] == [("mm", "4.9 µm", "0.55")]
-    assert table[0].ours == pytest.approx((4.87e-3, 0.55))
-
-
-@pytest.mark.parametrize(("width", "blocks"), [(51, 1), (50, 2), (20, 2)])
-def test_runs_stand_side_by_side_where_they_fit(width: int, blocks: int) -> None:
-    """By the width of each: a column of values alone is narrower than one with references."""
-    made = []
-    for name, changed in (("in_order", ()), ("locked", ("machine.defect",))):
-        reference = Reference("heat", 26.7e3, "kJ", "thesis", changed=changed)
-        summary = Summary(
-            name,
-            "finished",
-            {"heat": Quantity(34.2e3, "kJ", "largest heat of all that flowed")},
-            (Comparison(reference, 34.2e3),),
-        )
-        made.append(Run(Path(name), name, summary))
-    found = table_of(made, lines(made, made[0])).lines(width)
-    assert sum(set(line) == {"─"} for line in found) == blocks
 
 
 def test_references_at_a_place_of_their_own():

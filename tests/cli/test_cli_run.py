@@ -57,13 +57,6 @@ def test_quiet_prints_nothing(castfem, engine, case_file):
     assert (outcome.status, outcome.out, outcome.err) == (0, "", "")
 
 
-def test_bad_case_never_reaches_the_engine(castfem, engine, case_file):
-    outcome = castfem("run", case_file, "--set", "casting.speed=3", "--set", "steel.name=nosuch")
-    assert outcome.status == 1
-    assert engine.calls == []
-    assert outcome.err.startswith("castfem: 2 problems\n")
-
-
 def test_same_physics_may_run_again(castfem, engine, case_file):
     assert castfem("run", case_file, "-o", "out").status == 0
     words = ("run", case_file, "-o", "out", "--set", "output.every=1 s")

@@ -121,12 +121,3 @@ PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 
 def test_the_page_is_that_of_the_commands() -> None:
     assert PAGE.read_text(encoding="utf-8") == markdown_page(), "write it anew: make pages"
-
-
-def test_what_an_option_takes_and_whether_it_is_needed() -> None:
-    page = markdown_page()
-    assert (
-        "| `--to` `DATA.csv` | File with the measurements (docs/calibrate.md). Required. |" in page
-    )
-    assert "| `--no-figures` | Do not draw the figures. |" in page
-    assert r"by default results/\<family\>/\<name\>." in page

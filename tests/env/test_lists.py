@@ -238,13 +238,6 @@ def test_version_is_written_once() -> None:
     assert metadata.version("castfem") == castfem.__version__
 
 
-def test_files_of_tests_are_told_apart() -> None:
-    """Of two of one name pytest would refuse the second, unless their folder is a package."""
-    files = sorted((ROOT / "tests").rglob("test_*.py"))
-    loose = [file.name for file in files if not (file.parent / "__init__.py").is_file()]
-    assert sorted({name for name in loose if loose.count(name) > 1}) == []
-
-
 def test_no_folder_of_code_is_left_out_by_git_or_lint() -> None:
     """Ruff's own list, as many a .gitignore, leaves out each folder called build."""
     lines = (ROOT / ".gitignore").read_text(encoding="utf-8").split()

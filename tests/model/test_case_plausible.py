@@ -279,10 +279,7 @@ def test_what_does_not_fit_the_steel_is_told() -> None:
 OVER_THE_EDGE = ("edges", "warm_edges", "nozzles_47_52")
 
 
-@pytest.mark.parametrize(
-    ("end", "roll", "off"),
-    [("4.11 m", 15, "0.086"), ("2.322 m", 8, "0.5")],
-)
+@pytest.mark.parametrize(("end", "roll", "off"), [("4.11 m", 15, "0.086"), ("2.322 m", 8, "0.5")])
 def test_a_zone_that_ends_beside_a_roll_is_told(end: str, roll: int, off: str) -> None:
     """Between the two lies a window of milliseconds, whose strain rate is that of a jump."""
     slab = TAPERED.parents[1] / "slab1200" / "slab.toml"
@@ -317,26 +314,17 @@ SLABS = TAPERED.parents[1] / "slab1200"
 @pytest.mark.parametrize(
     ("case", "changes", "said"),
     [
-        (
-            TAPERED,
-            ("coupling.passes=1", "coupling.window_error=3 K"),
-            "error: has no effect with p",
-        ),
+        (TAPERED, ("coupling.passes=1", "coupling.window_error=3 K"),
+         "error: has no effect with p"),
         (SLABS / "bulging.toml", ("coupling.passes=3",), "passes: has no effect without [mould]"),
         (SLABS / "thermal.toml", ("coupling.interval=1 s",), "no effect without [mechanics]"),
         (TAPERED, ("mechanics.liquid_stiffness=1e-3",), "liquid_stiffness: has no effect: liquid"),
-        (
-            TAPERED,
-            ("mechanics.elasticity=elastic_steel", "steel.overrides.youngs_modulus=20 GPa"),
-            "overrides.youngs_modulus: has no effect beside mechanics.elasticity",
-        ),
-        (
-            SLABS / "reference.toml",
-            ("machine.extraction.friction_axis=0.02",),
-            "friction_axis: has no effect beside a maker's curve",
-        ),
+        (TAPERED, ("mechanics.elasticity=elastic_steel", "steel.overrides.youngs_modulus=20 GPa"),
+         "overrides.youngs_modulus: has no effect beside mechanics.elasticity"),
+        (SLABS / "reference.toml", ("machine.extraction.friction_axis=0.02",),
+         "friction_axis: has no effect beside a maker's curve"),
     ],
-)
+)  # fmt: skip
 def test_keys_that_change_nothing(case: Path, changes: tuple[str, ...], said: str) -> None:
     """They are told; the same keys where they do something are not."""
     plain = read_case(case)

@@ -117,10 +117,7 @@ def test_what_was_probably_not_meant() -> None:
     [
         ("temperature [degC], water [L/(m^2 s)]\n1, 2\n", "a header and rows are needed"),
         ("800, 1, 0\n800, 5, 9\n900, 1, 0\n900, 5, 9\n", "must begin at 0"),
-        (
-            "800, 0, 0\n800, 0, 9\n900, 0, 0\n",
-            "line 3: this temperature and flow appear twice",
-        ),
+        ("800, 0, 0\n800, 0, 9\n900, 0, 0\n", "line 3: this temperature and flow appear twice"),
         ("800, 0, x\n800, 5, 9\n900, 0, 0\n", "line 2: value (x)"),
     ],
 )

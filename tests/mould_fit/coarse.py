@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from runs.billet_runs import cells
+
 from castfem.model import Case, load_case
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
-COARSE = (
-    "mesh.surface_size=3 mm",
-    "mesh.corner_size=3 mm",
-    "mesh.face_size=12 mm",
-    "mesh.core_size=16 mm",
-    "coupling.interval=0.5 s",
-    "output.figures=false",
-)
+COARSE = (*cells(3, 12, 16), "coupling.interval=0.5 s", "output.figures=false")
 
 
 def coarse(name: str, *changes: str) -> Case:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from small_case import small
@@ -10,6 +11,7 @@ from small_case import small
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 
 SPEED = {"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}
+SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 STRESS, HEAT = "von_mises_max", "heat_removed"
 Given = Callable[[RunRequest], Mapping[str, float] | Evaluation]
 
@@ -24,9 +26,9 @@ def solve(one: Study, given: Given) -> Optimum:
     return one.solve(obtain=obtain)
 
 
-def study(*variables: dict[str, Any], **table: Any) -> Study:
+def study(*variables: dict[str, Any], folder: Path | None = None, **table: Any) -> Study:
     asked = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
-    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+    return Study(small({"casting.length": "6 mm", "optimise": asked}), folder)
 
 
 def bowl(wanted: RunRequest) -> dict[str, float]:

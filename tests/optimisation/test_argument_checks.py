@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import known_results
 import pytest
-from known_results import HEAT, SPEED, STRESS
+from known_results import HEAT, SPEED, STRESS, SUPERHEAT
 from small_case import small, write_small
 
 from castfem.base.errors import InputError
@@ -16,12 +17,10 @@ from castfem.base.shown_quantity import Quantity
 from castfem.studies.optimisation import Evaluation, Evaluator, RunRequest, Study
 
 SHORT = {"casting.length": "6 mm"}
-SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
 
 def study(**table: Any) -> Study:
-    asked = {"minimise": STRESS, "variable": [SPEED, SUPERHEAT], **table}
-    return Study(small({**SHORT, "optimise": asked}))
+    return known_results.study(SPEED, SUPERHEAT, **table)
 
 
 def said(call: Callable[[], object]) -> str:
@@ -115,6 +114,9 @@ def test_runs_by_the_values_of_their_variables():
     asked.tell(run, {STRESS: 1e6})
     assert list(asked._runs.results) == [RunRequest((3.0, 30.0), "default")]
     assert asked.case(run) == asked.case(RunRequest((3.0, 30.0), "default"))
+    for end in (2.0, 5.0):  # the ends of a range belong to it
+        asked.tell(RunRequest((end, 30.0), "default"), {STRESS: 1.0})
+    assert len(asked._runs.results) == 3
 
 
 @pytest.mark.parametrize(
@@ -136,6 +138,8 @@ def test_runs_by_the_values_of_their_variables():
         ),
         ({3: 3.0}, "3 is not a variable of [optimise]; there are casting.speed"),
         ({"casting.speed": 6.0, "casting.superheat": 30.0}, "is outside the range, 2 to 5 m/min"),
+        (RunRequest((math.nan, 30.0), "default"), "casting.speed = nan m/min of a run is outside"),
+        (RunRequest((3.0,), "default"), "a run has 1 values and 0 inputs; it needs a value for"),
         (3.0, 'a run must be one that ask() returns, or values by key, {"casting.speed'),
         (RunRequest(("3", 30.0), "default"), "casting.speed must be a number in m/min, got '3'"),  # type: ignore[arg-type]
         (RunRequest(3.0, "default"), "a run must be one that ask() returns, or values by key"),  # type: ignore[arg-type]
@@ -156,15 +160,9 @@ def test_what_is_no_run(tmp_path: Path, run: Any, line: str) -> None:
 @pytest.mark.parametrize(
     ("given", "line"),
     [
-        (
-            {"von_mises": 1e6},
-            "tell: von_mises_max is missing; [optimise] needs it; write it so, ",
-        ),
+        ({"von_mises": 1e6}, "tell: von_mises_max is missing; [optimise] needs it; write it so, "),
         ({STRESS: "3 MPa"}, "tell: von_mises_max must be a finite number in SI, got '3 MPa'"),
-        (
-            {STRESS: math.nan},
-            "tell: von_mises_max must be a finite number in SI, got nan;",
-        ),
+        ({STRESS: math.nan}, "tell: von_mises_max must be a finite number in SI, got nan;"),
         (None, 'tell: results must be an Evaluation, a Result or results by name, {"heat_removed'),
     ],
 )

@@ -14,6 +14,7 @@ from known_results import HEAT, SPEED, STRESS
 from ranks import needs_mpirun, python_on
 from small_case import small, write_small
 
+from castfem.model.load import load
 from castfem.runs.output.folder import DERIVATIVES_NAME
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
 from castfem.studies.optimisation.argument_checks import quantities_of
@@ -183,8 +184,6 @@ def test_a_spread_by_derivatives(tmp_path: Path, carries: bool) -> None:
 
 def test_what_runs_carry() -> None:
     """The run in the idealised mould has neither its tapers nor what is to be best."""
-    from castfem.model.load import load
-
     asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 99 % of idealised"],
              "variable": [{"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}]}  # fmt: skip
     one = Study(load("billet125/taper_1").with_({"optimise": asked}))
@@ -197,8 +196,6 @@ def test_what_runs_carry() -> None:
 @pytest.mark.parametrize("inputs", [(), (1.0,)])
 def test_a_share_of_what_the_idealised_mould_gives(inputs: tuple[float, ...]) -> None:
     """It hangs on the inputs, and not on the taper: without inputs there is nothing to carry."""
-    from castfem.model.load import load
-
     asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 50 % of idealised"],
              "variable": [{"key": "mould.taper", "range": ["0 %/m", "2 %/m"]}]}  # fmt: skip
     one = Study(load("billet125/taper_1").with_({"optimise": asked}))

@@ -19,12 +19,11 @@ from small_case import small, write_small
 from castfem.base import atomic_files
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli.sweeping import Options, sweep_case
-from castfem.model.load import portable
-from castfem.studies.optimisation import Evaluator, evaluator, store
+from castfem.model.load import load, portable
+from castfem.studies.optimisation import Evaluator, evaluator
 from castfem.studies.optimisation.evaluator import lean
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import key_of
-from castfem.studies.sweep import record as results
 
 SHORT = {"casting.length": "6 mm"}
 # Colder than the steel's data go: the run ends on its way.
@@ -52,24 +51,6 @@ def test_each_case_is_run_once(tmp_path):
     assert other.runs == 0
     assert other({"speed": "3 m/min", "output.every": "0.01 s"}) != first  # it ends windows
     assert other.runs == 1
-
-
-def test_a_row_is_read_when_its_run_has_ended(tmp_path, monkeypatch):
-    """And not again after each of the runs that follow; the table is that of all."""
-    read: list[str] = []
-
-    def rows(names, record):
-        read.extend(names)
-        return results.rows(names, record)
-
-    monkeypatch.setattr(store, "rows", rows)
-    with Evaluator(small(SHORT), tmp_path) as evaluate:
-        for speed in (3, 4, 5):
-            evaluate({"speed": f"{speed} m/min"})
-        names = list(evaluate.store.record.entries)
-        assert sorted(read) == sorted(names) and len(names) == 3
-        results.write_table(tmp_path / "whole.csv", results.rows(names, evaluate.store.record))
-    assert (tmp_path / "whole.csv").read_text() == (tmp_path / "sweep.csv").read_text()
 
 
 def test_rows_are_those_of_a_sweep(tmp_path, monkeypatch):
@@ -182,8 +163,6 @@ def test_levels(tmp_path):
 
 def test_a_smooth_twin_is_computed_where_it_is_named():
     """By the search's own runs; a case that does not name it has none, nor another key."""
-    from castfem.model.load import load
-
     case = load("billet125/optimum_single")
     asked = lean(case.with_({"optimise.minimise": "von_mises_smooth"}))
     assert asked.output.smooth
@@ -195,8 +174,6 @@ def test_a_smooth_twin_is_computed_where_it_is_named():
 
 
 def test_idealised_mould():
-    from castfem.model.load import load
-
     case = load("billet125/taper_1")
     ideal = idealised(case.with_({"output.fields": ["gap"], "mechanics.strain": "large"}))
     assert ideal.mould is None
@@ -212,8 +189,6 @@ def test_idealised_mould():
 
 def test_wall_of_the_mould_is_kept_without_it():
     """The wall's temperature along the mould becomes that of the contact law, over time."""
-    from castfem.model.load import load
-
     table = {"position": [0, 300, 600], "position_unit": "mm", "value": [120, 220, 140],
              "unit": "degC"}  # fmt: skip
     case = load("billet125/taper_1").with_(

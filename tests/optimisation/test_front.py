@@ -6,10 +6,10 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+import known_results
 import numpy as np
 import pytest
-from known_results import HEAT, SPEED, STRESS, Given, solve
-from small_case import small
+from known_results import HEAT, SPEED, STRESS, SUPERHEAT, Given, solve
 
 from castfem.base.errors import InputError
 from castfem.post.compare.optimum_tables import report, write_front
@@ -18,17 +18,9 @@ from castfem.post.plots.style import save
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
 from castfem.studies.optimisation.optimum import Front
 
-SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
-
 
 def study(*variables: dict[str, Any], **table: Any) -> Study:
-    asked = {
-        "minimise": STRESS,
-        "variable": list(variables or (SPEED,)),
-        "front": {"maximise": HEAT, "points": 7},
-        **table,
-    }
-    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+    return known_results.study(*variables, **{"front": {"maximise": HEAT, "points": 7}, **table})
 
 
 def front(one: Study, given: Given) -> Front:

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import known_results
 import numpy as np
 import pytest
-from known_results import HEAT, SPEED, STRESS, Given, solve
+from known_results import HEAT, SPEED, STRESS, SUPERHEAT, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
@@ -17,18 +18,15 @@ from castfem.base.types import Array
 from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 from castfem.studies.optimisation.argument_checks import quantities_of
-from castfem.studies.optimisation.global_search import local_optima
 from castfem.studies.sensitivity.result import Slope
 
-SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 installed = pytest.mark.skipif(
     importlib.util.find_spec("optuna") is None, reason="no Optuna: tools/env.sh optimise"
 )
 
 
 def study(*variables: dict[str, Any], method: str = "optuna", **table: Any) -> Study:
-    asked = {"minimise": STRESS, "variable": list(variables), "method": method, **table}
-    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+    return known_results.study(*variables, method=method, **table)
 
 
 def two_valleys(wanted: RunRequest) -> dict[str, float]:
@@ -125,14 +123,6 @@ def test_asked_run_by_run():
             break
         told_so_far[wanted[-1]] = two_valleys(wanted[-1])
     assert one.result() == at_once
-
-
-def test_best_places_of_valleys():
-    places = np.array([[0.1], [0.15], [0.5], [0.55], [0.9]])
-    values = np.array([[3.0], [1.0], [0.5], [0.2], [0.4]])
-    assert [place[0] for place in local_optima(places, values)] == [0.55, 0.9]
-    missed = np.column_stack([values, [1.0, 1.0, 1.0, -1.0, -2.0]])  # what misses less goes first
-    assert [place[0] for place in local_optima(places, missed)] == [0.5, 0.15]
 
 
 def test_it_is_missed_before_a_run(monkeypatch: pytest.MonkeyPatch):

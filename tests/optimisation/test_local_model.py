@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_results import HEAT, SPEED, STRESS, solve
-from small_case import small
+from known_results import HEAT, SPEED, STRESS, SUPERHEAT, solve, study
 
 from castfem.base.types import Array
 from castfem.post.compare.optimum_tables import report
@@ -25,7 +24,6 @@ from castfem.studies.optimisation.local_model import (
 )
 
 CENTRE, STEP = np.array([0.5, 0.4]), np.array([0.05, 0.1])
-SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
 
 def quadratic(*margins: tuple[float, float, float]) -> Quadratic:
@@ -106,11 +104,8 @@ def kinked(wanted: RunRequest) -> dict[str, float]:
 
 
 def searched(given=kinked) -> Optimum:  # type: ignore[no-untyped-def]
-    asked = {
-        "minimise": STRESS, "variable": [SPEED, SUPERHEAT], "fidelity": "coarse",
-        "constraints": ["heat_removed >= 0.5 MJ/m"],
-    }  # fmt: skip
-    return solve(Study(small({"casting.length": "6 mm", "optimise": asked})), given)
+    asked = {"fidelity": "coarse", "constraints": ["heat_removed >= 0.5 MJ/m"]}
+    return solve(study(SPEED, SUPERHEAT, **asked), given)
 
 
 def test_the_level_of_the_check_meets_the_bound_by_its_own_run():
@@ -155,11 +150,9 @@ def test_a_check_that_is_missed_still_goes_on_by_its_own_runs(end: float) -> Non
         heat = 0.5 + 0.05 * slow * (superheat - 20.0) - (0.1 if slow < 1.0 else 0.0)
         return {STRESS: superheat + 0.02 * (speed - 3.4) ** 2, HEAT: 1e6 * heat}
 
-    asked = {
-        "minimise": STRESS, "variable": [SPEED, SUPERHEAT | {"range": ["10 K", f"{end} K"]}],
-        "fidelity": "coarse", "constraints": ["heat_removed >= 0.5 MJ/m"],
-    }  # fmt: skip
-    found = solve(Study(small({"casting.length": "6 mm", "optimise": asked})), given)
+    asked = {"fidelity": "coarse", "constraints": ["heat_removed >= 0.5 MJ/m"]}
+    warm = SUPERHEAT | {"range": ["10 K", f"{end} K"]}
+    found = solve(study(SPEED, warm, **asked), given)
     assert found.by_check is not None and found.values[1].value == pytest.approx(20.0, abs=0.5)
     value, (left,) = found.values[1], found.by_check.left
     reached = value.checked
@@ -233,11 +226,8 @@ def steep(wanted: RunRequest) -> dict[str, float]:
 
 
 def asked() -> Study:
-    table = {
-        "minimise": STRESS, "variable": [{**SPEED, "start": "2.5 m/min"}], "fidelity": "coarse",
-        "constraints": ["heat_removed >= 2 MJ/m"],
-    }  # fmt: skip
-    return Study(small({"casting.length": "6 mm", "optimise": table}))
+    table = {"fidelity": "coarse", "constraints": ["heat_removed >= 2 MJ/m"]}
+    return study({**SPEED, "start": "2.5 m/min"}, **table)
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-import subprocess
-import sys
 
 import pytest
 from ranks import killed_on, mains, needs_mpirun, python_on
@@ -213,16 +211,3 @@ def test_table_of_the_mould():
     head, rows = mould_table(cold)
     assert head[-2:] == ["cold width [mm]", "cold diagonal [mm]"]
     assert rows[0][1] == pytest.approx(rows[0][3] * (1.0 + 17e-6 * 135.0))
-
-
-def test_a_plain_run_imports_nothing_of_it(case):
-    """Nor, of the temperature alone, scipy.sparse: it doubled the imports of a run."""
-    script = (
-        "import sys, castfem\ncastfem.run(castfem.load('small')).close()\n"
-        "heavy = ('castfem.studies.optimisation', 'scipy.sparse')\n"
-        "print([n for n in sys.modules if n.startswith(heavy)])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=case, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"

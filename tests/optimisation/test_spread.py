@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import known_results
 import numpy as np
 import pytest
-from known_results import HEAT, SPEED, STRESS, Given, solve
-from small_case import small
+from known_results import HEAT, STRESS, Given, solve
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
@@ -28,8 +28,7 @@ SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}
 
 
 def study(**table: Any) -> Study:
-    asked = {"minimise": STRESS, "variable": [SPEED], "input": [H, SUPERHEAT], **table}
-    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+    return known_results.study(**{"input": [H, SUPERHEAT], **table})
 
 
 def drawn(wanted: RunRequest) -> tuple[float, float, float]:
@@ -134,14 +133,6 @@ def test_draws_that_fail():
     none = solve(study(), given(-0.9))
     assert none.spread is None
     assert none.values[0].value == pytest.approx(3.3, abs=0.01)
-
-
-def test_asked_run_by_run():
-    one, at_once = study(), solve(study(), shifted)
-    while wanted := one.ask():
-        for run in wanted:
-            one.tell(run, shifted(run))
-    assert one.result() == at_once
 
 
 def test_what_is_relative_is_multiplied():

@@ -290,16 +290,8 @@ CHANGE(ftruncate64, (int file, off64_t size), file, size)
 def test_a_kill_in_the_middle_of_a_call_costs_nothing(tmp_path: Path) -> None:
     (tmp_path / "shim.c").write_text(SHIM)
     library = tmp_path / "shim.so"
-    build = [
-        str(COMPILER),
-        "-shared",
-        "-fPIC",
-        "-o",
-        str(library),
-        str(tmp_path / "shim.c"),
-        "-ldl",
-    ]
-    subprocess.run(build, check=True)
+    words = "-shared", "-fPIC", "-o", str(library), str(tmp_path / "shim.c"), "-ldl"
+    subprocess.run([str(COMPILER), *words], check=True)
     done = subprocess.run(
         [sys.executable, str(RUNS), str(tmp_path), str(EVERY)],
         env={**os.environ, "LD_PRELOAD": str(library)},

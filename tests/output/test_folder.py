@@ -328,14 +328,6 @@ def test_unknown_entries_of_run_json_are_refused_by_update_and_skipped_by_load(t
     assert RunRecord.load(tmp_path).status == "running"
 
 
-def test_summary_is_written_into_the_folder(tmp_path):
-    folder = begun(tmp_path)
-    folder.write_summary(summary())
-    folder.close()
-    content = json.loads((tmp_path / "summary.json").read_text())
-    assert content["quantities"]["liquidus"]["value"] == 1502.5
-
-
 def test_what_reads_results_is_light_to_import():
     code = """
 import importlib, pkgutil, sys

@@ -83,12 +83,7 @@ def test_unknown_columns_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "columns",
-    [
-        [],
-        [("time", "s"), ("time", "s")],
-        [("time", "s"), ("a,b", "m")],
-    ],
+    "columns", [[], [("time", "s"), ("time", "s")], [("time", "s"), ("a,b", "m")]]
 )
 def test_headers_that_would_not_come_back_are_refused(tmp_path, columns):
     with pytest.raises(ValueError, match="column"):

@@ -128,14 +128,6 @@ def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finishe
     assert np.allclose(panel.lines[0].get_ydata(), 500.0)
 
 
-def test_without_a_position_time_is_the_axis(finished_run):
-    table = read_history(finished_run / "history.csv")
-    nowhere = Abscissa(table["time"].to_numpy(), np.full(len(table), np.nan))
-    figure = draw_steps(table, nowhere, None)
-    assert figure is not None
-    assert figure.axes[-1].get_xlabel() == "time since the meniscus [s]"
-
-
 def test_an_error_that_is_nothing_throughout_has_no_panel(finished_run):
     """A logarithmic axis would have nothing to span."""
     table = read_history(finished_run / "history.csv")
@@ -216,11 +208,6 @@ def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) ->
         positions = np.asarray(run.fields.positions, float)
         assert abs(positions[run.at_exit] - at) == np.abs(positions - at).min()
         assert RunData(folder, None, files).at_exit == len(positions) - 1
-
-
-def test_both_figures_are_drawn(tmp_path: Path) -> None:
-    drawn = {path.stem for path in draw_figures(write_run(tmp_path / "run"))}
-    assert {"temperature", "states"} <= drawn
 
 
 def test_the_meniscus_is_no_state_to_look_at(tmp_path: Path) -> None:

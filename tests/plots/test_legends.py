@@ -14,7 +14,6 @@ from mpi4py import MPI
 import numpy as np
 import pandas
 import pytest
-from matplotlib.lines import Line2D
 from PIL import Image
 from small_case import small
 
@@ -22,7 +21,7 @@ from castfem.base.errors import RunFailure
 from castfem.base.libraries import own_style
 from castfem.post.plots import figures
 from castfem.post.plots.along_strand import draw_contact, draw_shell
-from castfem.post.plots.history import low_legend, place_legend
+from castfem.post.plots.history import place_legend
 from castfem.post.plots.style import Abscissa, look, new_figure, new_panels
 from castfem.runs import loop
 
@@ -57,16 +56,6 @@ def test_a_legend_hides_no_curve(name: str, label: str) -> None:
         y = np.interp(fine, *path.T)
         inside = (fine > box.x0) & (fine < box.x1) & (y > box.y0) & (y < box.y1)
         assert not inside.any()
-
-
-def test_a_legend_below_is_as_wide_as_its_figure_at_most() -> None:
-    figure = new_figure(3.0, 4.0, layout="none")
-    low_legend(figure, [Line2D([], [], label=f"displacement {i}") for i in range(6)])
-    figure.canvas.draw()
-    (legend,) = figure.legends
-    box = legend.get_window_extent()
-    assert box.x0 >= 0.0 and box.x1 <= figure.bbox.width
-    assert len(legend.get_texts()) == 6
 
 
 def _table(columns: dict[str, tuple[str, np.ndarray]]) -> pandas.DataFrame:

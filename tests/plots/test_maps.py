@@ -13,15 +13,14 @@ from matplotlib.collections import PolyCollection
 from rolled_case import circuit, rolled, secondary
 from synthetic_maps import LENGTH, THICK, WIDE, rolls, write_maps
 
-from castfem.model import load_case
 from castfem.model.load import load
 from castfem.physics.machine.side import Side
 from castfem.post.plots import figures
 from castfem.post.plots.along_strand import draw_bulging, draw_slice
-from castfem.post.plots.caster_view import draw_caster, mirrored, view_of
+from castfem.post.plots.caster_view import draw_caster, view_of
 from castfem.post.plots.figures import draw_figures
-from castfem.post.plots.maps import band_norm, draw_maps, edges, index_colours, temperature_colours
-from castfem.post.plots.secondary import close_by, faces_met
+from castfem.post.plots.maps import band_norm, draw_maps, temperature_colours
+from castfem.post.plots.secondary import faces_met
 from castfem.post.plots.style import Abscissa, look, render
 from castfem.runs.loop import run
 from castfem.runs.output.folder import ALL_FIGURES, OutputFolder
@@ -36,29 +35,10 @@ def test_blue_below_the_band_and_green_above(celsius: float, colour: int) -> Non
     assert int(np.argmax(rgb)) == colour
 
 
-def test_within_the_band_from_violet_to_light_yellow() -> None:
-    norm = band_norm(650.0, 1450.0, (800.0, 950.0))
-    low, middle, high = (temperature_colours()(norm(t))[:3] for t in (803.0, 890.0, 947.0))
-    assert low[2] > low[1] and low[0] > low[1]
-    assert middle[0] > 0.8 > middle[1]
-    assert high[0] > 0.95 and high[1] > 0.85 and high[2] < 0.8
-
-
 def test_a_band_beyond_all_temperatures_keeps_its_third() -> None:
     norm = band_norm(500.0, 600.0, (800.0, 950.0))
     assert float(norm(800.0)) == pytest.approx(1.0 / 3.0)
     assert float(norm(950.0)) == pytest.approx(2.0 / 3.0)
-
-
-def test_zero_is_white_and_what_is_more_is_darker() -> None:
-    colours = index_colours()
-    assert colours(np.ma.masked)[:3] == (1.0, 1.0, 1.0)
-    shades = [sum(colours(share)[:3]) for share in (0.0, 0.3, 0.6, 1.0)]
-    assert shades == sorted(shades, reverse=True) and shades[0] < 3.0
-
-
-def test_cells_lie_around_their_places() -> None:
-    assert edges(np.array([0.0, 1.0, 3.0])).tolist() == [0.0, 0.5, 2.0, 3.0]
 
 
 def test_every_value_is_drawn_at_its_place(tmp_path: Path) -> None:
@@ -104,10 +84,6 @@ def test_show_draws_them_and_castfem_takes_them_away_again(tmp_path: Path) -> No
 def maps(tmp_path: Path) -> SurfaceMaps:
     write_maps(tmp_path)
     return SurfaceMaps(tmp_path)
-
-
-def test_half_a_slab_is_mirrored_to_a_whole_one(maps: SurfaceMaps) -> None:
-    assert mirrored(maps.heading.line) == [(1.0, 1.0), (-1.0, 1.0)]
 
 
 @pytest.mark.parametrize("every", [1, 7])
@@ -279,9 +255,6 @@ def test_every_figure_goes_with_the_run_it_is_of() -> None:
     assert all(figure.title for figure in figures.FIGURES.values())
 
 
-SLAB = Path(__file__).parents[2] / "cases" / "slab1200" / "sprays.toml"
-
-
 def test_it_is_drawn_of_a_run_below_its_mould(tmp_path: Path) -> None:
     short = rolled(casting__length="0.2 m")
     run(short, tmp_path / "short")
@@ -303,15 +276,3 @@ def test_a_face_is_shown_what_it_meets() -> None:
     assert kinds["intrados"] == ["shade", *pitch, *pitch]
     assert kinds["extrados"] == ["shade", "contact", "shade", "contact", "shade"]
     assert set(kinds["narrow face"]) == {"shade"}
-
-
-def test_straightening_is_shown_close_by() -> None:
-    case = load_case(SLAB)
-    assert case.machine is not None
-    rolls = case.machine.pairs()
-    assert rolls is not None
-    low, high = close_by(rolls, 0.8, 26.4)
-    assert rolls.pairs[47].position < low < rolls.pairs[48].position
-    assert rolls.pairs[56].position < high < rolls.pairs[57].position
-    low, high = close_by(rolls, 0.8, 10.0)
-    assert (low, high) == (pytest.approx(rolls.pairs[27].position), 10.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import pytest
 from synthetic_maps import write_maps
 from synthetic_run import summary, write_run
 
+from castfem.base.atomic_files import write_json
 from castfem.base.shown_quantity import Quantity
 from castfem.model.load import load
 from castfem.model.shipped_cases import CASE_NAME
@@ -21,17 +21,6 @@ from castfem.post.report.conclusions import conclusions
 from castfem.post.report.remarks import THINNEST, Remark, remarks_of
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary_file import Summary
-
-
-def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run")
-    page = write([folder], tmp_path / "page.html").read_text()
-    heads = re.findall(r"<h2>(.*?)</h2>", page)
-    assert heads[0] == "Summary" and heads[-1] == "Provenance"
-    short = page[page.index('id="short"') : page.index('id="numbers"')]
-    assert "thinnest shell of the probes, mould exit" in short and "mm" in short
-    origin = page[page.index('id="provenance"') :]
-    assert "finished in" in origin and "finished in" not in page[: page.index('id="provenance"')]
 
 
 def test_a_place_between_the_probes_that_is_thinner_comes_first(tmp_path: Path) -> None:
@@ -52,8 +41,6 @@ def test_a_place_between_the_probes_that_is_thinner_comes_first(tmp_path: Path) 
 def test_machine_time_and_data_from_memory_stand_at_the_end(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
     told = replace(summary(), unchecked=("density: somebody",))
-    from castfem.base.atomic_files import write_json
-
     write_json(folder / "summary.json", told.to_json())
     page = write([folder], tmp_path / "page.html").read_text()
     assert page.index("density: somebody") > page.index('id="provenance"')
@@ -121,8 +108,6 @@ def test_the_section_is_shown_at_the_exit_of_the_mould_first(tmp_path: Path) -> 
     folder = write_run(tmp_path / "run")
     (found,) = sections([folder])
     assert found is not None and found.start == len(found.places) - 1  # it ends there
-    from castfem.base.atomic_files import write_json
-
     write_json(folder / "summary.json", replace(summary(), mould_exit=0.2).to_json())
     (found,) = sections([folder])
     assert found is not None and 0 < found.start < len(found.places) - 1

@@ -19,7 +19,7 @@ from castfem.model.shipped_cases import CASE_NAME
 from castfem.physics.machine.stations import Stations
 from castfem.post.compare.runs import Run
 from castfem.post.compare.table import remarks
-from castfem.post.report.cracks import CrackReport, crack_places, defects_of, pool_end
+from castfem.post.report.cracks import CrackReport, crack_places, pool_end
 from castfem.post.report.remarks import remarks_of
 from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
@@ -109,14 +109,6 @@ def test_a_pool_that_has_not_ended_is_told(ended: bool) -> None:
             "not before the end of the run, 2.60 m: there the solid fraction is 0.015 on the "
             "centre line"
         )
-
-
-def test_the_defects_of_a_run_in_words(tmp_path: Path) -> None:
-    assert defects_of(tmp_path) == ""
-    case = tmp_path / "case.toml"
-    for name, told in (("reference", ""), ("locked_48_52", "roll 48, locked; roll 52, locked")):
-        case.write_text(load(f"slab1200/{name}").resolved_toml(), encoding="utf-8")
-        assert defects_of(tmp_path) == told
 
 
 def test_of_equal_values_the_place_is_that_of_the_summary(tmp_path: Path) -> None:

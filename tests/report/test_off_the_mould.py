@@ -14,12 +14,7 @@ from synthetic_run import rectangle
 from castfem.base.shown_quantity import Quantity
 from castfem.model import Case
 from castfem.model.shipped_cases import CASE_NAME
-from castfem.post.report.cautions import (
-    cautions,
-    equal_places,
-    less_than_asked,
-    lost_all_round,
-)
+from castfem.post.report.cautions import cautions, equal_places, less_than_asked, lost_all_round
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary_file import Summary
 from castfem.runs.output.xdmf import FieldWriter

@@ -29,7 +29,6 @@ from castfem.base.shown_units import (
 from castfem.cli import execute
 from castfem.post.compare.runs import read_runs
 from castfem.post.compare.sections import places
-from castfem.post.compare.study_tables import sweep_table
 from castfem.post.compare.table import lines
 from castfem.post.html.page import write
 from castfem.post.plots.chosen_units import in_chosen_units
@@ -40,7 +39,6 @@ from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.labels import quantities_at, read_positions
-from castfem.studies.sweep.record import Row
 
 WIDTH = 80
 
@@ -140,31 +138,6 @@ def test_compare_at_a_place(finished_run: Path, tmp_path: Path) -> None:
     shell = next(line for line in table if line.label.startswith("shell, mid-face"))
     expected = Result(finished_run).at(0.3)["shell_mid_face"]
     assert shell.ours == pytest.approx([1e3 * expected] * 2)
-
-
-def many_keys(count: int) -> list[Row]:
-    names = [f"casting.quite_a_long_key_{i}" for i in range(count)]
-    found = {
-        "shell_mid_face": Quantity(0.00475, "mm", "shell, mid-face"),
-        "shell_corner": Quantity(0.0099, "mm", "shell, corner"),
-        "surface_temperature_mid_face": Quantity(1515.15, "degC", "surface, mid-face"),
-        "surface_temperature_corner": Quantity(1315.15, "degC", "surface, corner"),
-        "heat_removed": Quantity(2.38e6, "MJ/m", "heat removed per m"),
-    }
-    return [
-        Row(f"run{j}", {n: f"{i + j} mm" for i, n in enumerate(names)}, "finished", found, 1.0, "")
-        for j in range(2)
-    ]
-
-
-@pytest.mark.parametrize("keys", [2, 6])
-def test_a_sweep_of_many_keys_shows_its_results(keys: int) -> None:
-    text = "\n".join(sweep_table(many_keys(keys), WIDTH).lines(WIDTH))
-    for number in ("4.75", "9.90", "1242.0", "1042.0"):
-        assert text.count(number) == 2
-    assert max(map(len, text.splitlines())) <= WIDTH
-    if keys == 6:
-        assert all(f"quite_a_long_key_{i} {i + 1} mm" in text for i in range(6))
 
 
 # Units of the plant, SI or one's own: tables, figures and report follow, files do not

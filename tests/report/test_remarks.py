@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 import pandas
 import pytest
-from rich.console import Console
 from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 
 from castfem.post.report.hot_spots import hottest, thinnest
 from castfem.post.report.remarks import remarks
-from castfem.post.report.show import show
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.summary_file import Summary, Zone
 from castfem.runs.output.xdmf import FieldWriter
@@ -210,16 +206,6 @@ def depth_of_level(kelvin):
     return float(s[np.flatnonzero(kelvin(s) >= SOLIDUS)[0]])
 
 
-def test_show_prints_what_to_look_at_on_whole_lines(strained_run):
-    stream = io.StringIO()
-    show(strained_run, Console(file=stream, width=60), figures=False)
-    text = stream.getvalue()
-    assert "Remarks\n" in text
-    (line,) = [line for line in text.splitlines() if line.startswith("largest gap, corner")]
-    assert "0.5" in line
-    assert " mm  contact lost at 120 mm, t = 2 s, regained at 360 mm" in line
-
-
 def test_a_shell_that_nothing_holds_is_named(table):
     """More than a hundredth of the section outward is the stiffness of the liquid, not steel."""
     assert not [r for r in remarks(table, summary()) if r.what.startswith("bulge")]
@@ -255,9 +241,3 @@ def test_a_shell_that_melts_again_is_told(corner, told):
     found = [one for one in remarks(table, None) if one.what == "shell melted again"]
     expected = [f"corner, from 200 mm to 300 mm, {told}"] if told else []
     assert [one.where for one in found] == expected
-
-
-def test_a_time_of_many_seconds_is_a_plain_number(table):
-    table["time"] *= 1000.0
-    lost = of(remarks(table, summary()), "largest gap, corner")
-    assert "lost at 120 mm, t = 2003 s" in lost.where

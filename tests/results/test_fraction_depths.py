@@ -137,5 +137,4 @@ def test_shells_by_coarse_and_fine_cells_agree(tmp_path: Path) -> None:
         )
         found = castfem.run(case, tmp_path / size[:3]).summary
         shells.append(1e3 * found.quantities["shell_mid_face"].value)
-    print(shells)
     assert shells[0] == pytest.approx(shells[1], abs=0.03)

@@ -13,6 +13,7 @@ import pytest
 from scipy.optimize import brentq
 from small_case import small, strip
 from stretched_strip import AROUND, AXIAL, stretched
+from test_quality import break_off
 
 import castfem
 from castfem.base.errors import InputError, RunFailure
@@ -29,7 +30,6 @@ from castfem.runs.output.folder import DEPTH_ROWS_NAME, DEPTHS_NAME
 from castfem.runs.output.history import read_history
 from castfem.runs.output.surface_maps import DEPTHS, SurfaceMaps
 from castfem.runs.results.crack_state import Tearing
-from castfem.runs.results.crack_tracking import QualitySampler
 from castfem.runs.results.thermal_quantities import temperature_at
 
 CRITERIA = ["won", "clyne_davies", "rdg"]
@@ -249,16 +249,8 @@ def test_maps_over_the_depth_begin_at_the_surface(whole: Path) -> None:
 
 
 def test_a_kill_costs_nothing(tmp_path: Path, whole: Path) -> None:
-    note, seen = QualitySampler.note, [0]
-
-    def broken(self: QualitySampler, *given: object) -> object:
-        seen[0] += 1
-        if seen[0] == 15:
-            raise RunFailure("out of power")
-        return note(self, *given)  # type: ignore[arg-type]
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(QualitySampler, "note", broken)
+        break_off(patch)
         patch.setattr(loop, "_leave", lambda *given: None)
         patch.setattr("castfem.runs.output.surface_maps.MapWriter.close", lambda self: None)
         with pytest.raises(RunFailure, match="power"):

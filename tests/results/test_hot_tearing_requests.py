@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from small_case import small, write_small
+from small_case import small
 from stretched_strip import AXIAL, stretched
 
 from castfem.base.errors import InputError
@@ -53,19 +51,6 @@ def test_time_alone_needs_no_mechanics(tmp_path: Path) -> None:
     found = loop.run(case, tmp_path, comm=MPI.COMM_SELF).quantities
     assert 0.05 < found["way_clyne_davies_front_max"].value < 2.0
     assert "way_won_front_max" not in found and "way_rdg_front_max" not in found
-
-
-def test_a_case_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
-    code = (
-        "import sys; from castfem.model import load_case; "
-        "from castfem.model.build.simulation import build; from castfem.runs.loop import TimeLoop; "
-        "from mpi4py import MPI; "
-        f"TimeLoop(build(load_case({str(write_small(tmp_path))!r}), MPI.COMM_SELF)).run(); "
-        "new = '.hot_tearing', '.ductility', '.microsegregation'; "
-        "print([m for m in sys.modules if m.endswith(new)])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:

@@ -56,13 +56,17 @@ def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def thickness_at(table: Any, y: Array) -> Array:
+    """Of a slice over its first thickness (rows, places), by the motion of its planes."""
+    strain, curvature = (table[name].to_numpy()[:, None] for name in ("axial_strain", "curvature"))
+    return (1.0 + strain) * (1.0 - curvature * y)
+
+
 def test_the_second_index_is_the_motion_of_the_planes(wide: Path) -> None:
     """Over each step exactly: (e - e_old)/dt with e = (1 + a0)(1 - k y), from the history alone."""
     table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
     y = maps.heading.line.place[:, 1]
-    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
-        1.0 - table["curvature"].to_numpy()[:, None] * y
-    )
+    thickness = thickness_at(table, y)
     rate = np.diff(thickness, axis=0) / np.diff(table["time"])[:, None]
     assert np.abs(rate).max() > 1e-3
     assert maps["I2"][1:] == pytest.approx(np.maximum(rate, 0.0), rel=2e-7, abs=1e-12)
@@ -83,9 +87,7 @@ def test_the_mean_over_a_pitch_is_that_of_the_strain(wide: Path) -> None:
     """Rolls stand 250 mm apart, five windows: the strain five windows ago."""
     table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
     y, time = maps.heading.line.place[:, 1], table["time"].to_numpy()
-    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
-        1.0 - table["curvature"].to_numpy()[:, None] * y
-    )
+    thickness = thickness_at(table, y)
     mean = (thickness[5:] - thickness[:-5]) / (time[5:] - time[:-5])[:, None]
     assert maps["I2_pitch"][5:] == pytest.approx(np.maximum(mean, 0.0), rel=1e-6, abs=1e-11)
 
@@ -95,9 +97,7 @@ def test_the_mechanical_part_lacks_the_thermal_strain(wide: Path) -> None:
 
     case, table, maps = judged(WIDE), read_history(wide / "history.csv"), SurfaceMaps(wide)
     y, time = maps.heading.line.place[:, 1], table["time"].to_numpy()
-    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
-        1.0 - table["curvature"].to_numpy()[:, None] * y
-    )
+    thickness = thickness_at(table, y)
     free = case_steel(case).thermal_strain(maps["temperature"])
     rate = np.diff(thickness - free, axis=0) / np.diff(time)[:, None]
     # Temperatures of the maps are rounded to 6e-5 K: 1e-9 of strain over 0.8 s.
@@ -238,9 +238,7 @@ def test_no_rate_is_told_of_a_window_of_no_length(tmp_path: Path) -> None:
     table, maps = read_history(whole / "history.csv"), SurfaceMaps(whole)
     (tiny,) = np.flatnonzero(np.diff(maps.position) < 1e-4) + 1
     y, time = maps.heading.line.place[:, 1], maps.time
-    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
-        1.0 - table["curvature"].to_numpy()[:, None] * y
-    )
+    thickness = thickness_at(table, y)
     alone, mean = (
         (thickness[tiny] - thickness[k]) / (time[tiny] - time[k]) for k in (tiny - 1, tiny - 2)
     )

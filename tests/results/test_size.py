@@ -134,10 +134,7 @@ THIN = {
 
 def zones(mould: str) -> list[dict[str, object]]:
     air = {"law": "convection", "coefficient": "900 W/(m^2 K)", "ambient": "25 degC"}
-    return [
-        {"name": "mould", "to": mould, "surface": FLUX},
-        {"name": "spray", "surface": [air]},
-    ]
+    return [{"name": "mould", "to": mould, "surface": FLUX}, {"name": "spray", "surface": [air]}]
 
 
 def text_of(folder: Path) -> str:

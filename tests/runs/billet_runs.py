@@ -25,15 +25,16 @@ ELASTIC = (
     "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
 )  # fmt: skip
 FED = ("mechanics.liquid=fed", "mechanics.mush=none", "mechanics.ferrostatic=full")
-COARSE = (
-    "mesh.surface_size=2 mm",
-    "mesh.corner_size=2 mm",
-    "mesh.face_size=10 mm",
-    "mesh.core_size=14 mm",
-    "coupling.interval=0.25 s",
-    "output.fields=[]",
-    "output.figures=false",
-)
+
+
+def cells(surface: float, face: float, core: float) -> tuple[str, ...]:
+    """Sizes of cells, mm: at the surface and its corners, along the faces, in the core."""
+    sizes = {"surface": surface, "corner": surface, "face": face, "core": core}
+    return tuple(f"mesh.{place}_size={size} mm" for place, size in sizes.items())
+
+
+SILENT = ("output.fields=[]", "output.figures=false")
+COARSE = (*cells(2, 10, 14), "coupling.interval=0.25 s", *SILENT)
 
 
 def billet(name: str, *overrides: str) -> Case:

@@ -153,37 +153,30 @@ def test_history_and_summary_name_the_faces(tmp_path: Path) -> None:
 
 REFUSED = {
     "quarter": (
-        {"section__symmetry": "quarter"},
-        "section.symmetry",
-        "mirrors the strand at y = 0",
+        {"section__symmetry": "quarter"}, "section.symmetry", "mirrors the strand at y = 0",
     ),
     "a2": ({"mechanics__planes": {"a2": "0.1 1/m"}}, "planes.a2", "impose the curvature"),
     "axis outside": (
-        {"mechanics__planes": {"neutral_axis": "60 mm"}},
-        "planes.neutral_axis",
+        {"mechanics__planes": {"neutral_axis": "60 mm"}}, "planes.neutral_axis",
         "(60 mm) lies outside of the strand; from -50 mm (extrados) to 50 mm (intrados)",
     ),
     "one of two axes": (
-        {"mechanics__planes": {"neutral_axis": {"bending": "intrados"}}},
-        "planes.neutral_axis",
+        {"mechanics__planes": {"neutral_axis": {"bending": "intrados"}}}, "planes.neutral_axis",
         "a table has the keys bending and straightening",
     ),
     "axis and force": (
-        {"mechanics__planes": {"neutral_axis": "centre", "force": "1 kN"}},
-        "planes.force",
+        {"mechanics__planes": {"neutral_axis": "centre", "force": "1 kN"}}, "planes.force",
         "has no effect where the neutral axis is imposed",
     ),
     "counted twice": (
         {"mechanics__planes": {"force": {"position": ["0 m", "1 m"], "value": ["0 N", "1 N"]}}},
-        "planes.force_contains_bending",
-        "is missing; true for a measured or maker's curve",
+        "planes.force_contains_bending", "is missing; true for a measured or maker's curve",
     ),
     "straight": (
-        {"machine": {}, "mechanics__planes": {"closing": "axial"}},
-        "planes.closing",
+        {"machine": {}, "mechanics__planes": {"closing": "axial"}}, "planes.closing",
         'give the rolls of [machine] a radius, or closing = "tangential"',
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("mistake", REFUSED)

@@ -157,27 +157,23 @@ def test_the_resolved_case_is_the_same(tmp_path: Path) -> None:
 
 REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "force": (
-        {"mechanics__planes": {"force": "5 kN"}},
-        "mechanics.planes.force",
+        {"mechanics__planes": {"force": "5 kN"}}, "mechanics.planes.force",
         "stands beside [machine.extraction]",
     ),
     "work twice": (
-        {"mechanics__planes": {"force_contains_bending": False}},
-        "force_contains_bending",
+        {"mechanics__planes": {"force_contains_bending": False}}, "force_contains_bending",
         "a maker's curve has the work of bending in it",
     ),
     "no drive": (
-        {"rolls": {"driven": [False] * 6, "capacity": [""] * 6}},
-        "machine.extraction",
+        {"rolls": {"driven": [False] * 6, "capacity": [""] * 6}}, "machine.extraction",
         "no pair of rolls is driven",
     ),
     "an effort": (
-        {"resistance": CURVE | {"value": [2, 12, 3]}},
-        "extraction.resistance",
+        {"resistance": CURVE | {"value": [2, 12, 3]}}, "extraction.resistance",
         "falls from 12 kN at 0.6 m to 3 kN at 1.35 m",
     ),
     "a word": ({"resistance": "couple"}, "extraction.resistance", '"coupled"'),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("mistake", REFUSED)

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pandas as pd
 import pytest
-from runs.billet_runs import billet, run_in_memory, shipped
+from runs.billet_runs import billet, cells, run_in_memory, shipped
 from small_case import small
 
 from castfem.base.errors import InputError
@@ -34,10 +34,7 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
             f"section.symmetry='{symmetry}'",
             "casting.length='90 mm'",
             "coupling.interval='0.25 s'",
-            "mesh.surface_size='3 mm'",
-            "mesh.corner_size='3 mm'",
-            "mesh.core_size='8 mm'",
-            "mesh.face_size='8 mm'",
+            *cells(3, 8, 8),
             "output.fields=[]",
         ),
     )

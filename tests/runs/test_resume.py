@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from interrupted import history_of, stopped
 from ranks import needs_mpirun, python_on, started
-from runs.billet_runs import billet, run
+from runs.billet_runs import SILENT, billet, cells, run
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
@@ -34,14 +34,7 @@ from castfem.runs.recorder import Recorder
 ROOT = Path(__file__).parents[2]
 THERMAL = ROOT / "cases" / "billet125" / "thermal.toml"
 HOME = Path(sys.prefix).parent  # of the environment, if tools/env.sh has made it
-COARSE = (
-    "mesh.surface_size=2 mm",
-    "mesh.corner_size=2 mm",
-    "mesh.face_size=6 mm",
-    "mesh.core_size=12 mm",
-    "output.fields=[]",
-    "output.figures=false",
-)
+COARSE = (*cells(2, 6, 12), *SILENT)
 
 
 def thermal(*overrides: str) -> Case:
@@ -319,14 +312,6 @@ def test_a_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
     same_run(folder, tmp_path / "whole")
 
 
-def test_other_fields_than_before_are_refused_with_their_names(tmp_path: Path) -> None:
-    short = ("casting.length=60 mm", 'output.fields=["temperature"]')
-    run(thermal(*short), tmp_path)
-    longer = ("casting.length=120 mm", 'output.fields=["solid_fraction"]')
-    with pytest.raises(InputError, match=r"temperature; set output\.fields"):
-        run(thermal(*longer), tmp_path, resume=True)
-
-
 @needs_mpirun
 @pytest.mark.skipif(not (HOME / "env.conf").is_file(), reason="needs the environment of make env")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
@@ -359,11 +344,7 @@ def test_a_signal_to_mpirun_saves_the_step(tmp_path: Path, number: signal.Signal
 
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
-FED_COARSE = (
-    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
-    "mesh.core_size=10 mm", "coupling.interval=0.4 s", "casting.length=240 mm",
-    "output.figures=false", "output.fields=[]",
-)  # fmt: skip
+FED_COARSE = (*cells(2, 10, 10), "coupling.interval=0.4 s", "casting.length=240 mm", *SILENT)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from rolled_case import SECONDARY, circuit, rolled, secondary
 from castfem.base.types import Array
 from castfem.model import Case
 from castfem.model.build.secondary import SecondaryCooling, rows_of
-from castfem.model.build.simulation import Simulation, build
+from castfem.model.build.simulation import build
 from castfem.physics.machine.spray_layout import footprint, scale_water
 from castfem.physics.thermal.boundary import Surface
 from castfem.physics.thermal.spray_flux import RollShare, SprayWater
@@ -88,13 +88,13 @@ def test_it_is_what_zones_written_by_hand_are() -> None:
     assert balance < 1e-9
 
 
-def cooling_of(case: Case, share: float = 1.0) -> tuple[SecondaryCooling, Simulation]:
+def cooling_of(case: Case, share: float = 1.0) -> SecondaryCooling:
     simulation = build(case, MPI.COMM_SELF)
     surface = Surface(simulation.section)
     rows = scale_water(rows_of(case), "all", 2, 3, share)
-    return SecondaryCooling(
-        case, simulation.machine, simulation.steel, surface, 0.25, rows
-    ), simulation
+    found = SecondaryCooling(case, simulation.machine, simulation.steel, surface, 0.25, rows)
+    simulation.destroy()
+    return found
 
 
 def sprayed(cooling: SecondaryCooling, time: float) -> list[float]:
@@ -114,17 +114,14 @@ def test_all_water_of_a_circuit_reaches_the_strand() -> None:
     case = rolled(
         secondary=secondary(nozzle=[fan]), mesh__face_size="2 mm", mesh__surface_size="2 mm"
     )
-    cooling, simulation = cooling_of(case)
-    simulation.destroy()
+    cooling = cooling_of(case)
     assert len(sprayed(cooling, 0.0)) == 4
     assert 2.0 * sum(sprayed(cooling, 0.0)) == pytest.approx(20e-3 / 60.0, rel=2e-3)
 
 
 def test_water_of_some_nozzles_at_two_thirds() -> None:
-    whole, simulation = cooling_of(rolled())
-    simulation.destroy()
-    worn, simulation = cooling_of(rolled(), 0.66)
-    simulation.destroy()
+    whole = cooling_of(rolled())
+    worn = cooling_of(rolled(), 0.66)
     ratio = np.divide(sprayed(worn, 0.0), sprayed(whole, 0.0))
     assert ratio == pytest.approx([1.0, 0.66, 1.0, 1.0])
 
@@ -134,14 +131,12 @@ def test_water_follows_speed_and_time() -> None:
     speed = {"time": [0, 10, 20], "time_unit": "s", "value": [2.0, 2.0, 1.0], "unit": "m/min"}
     flow = {"speed": [1.0, 1.5, 2.0], "speed_unit": "m/min", "value": [6, 10, 20], "unit": "L/min"}
     case = rolled(secondary=secondary(circuit=[circuit(flow=flow)]), casting__speed=speed)
-    cooling, simulation = cooling_of(case)
-    simulation.destroy()
+    cooling = cooling_of(case)
     assert 15.0 in np.round(cooling.changes, 9)  # 1.5 m/min
     first = [sprayed(cooling, t)[0] for t in (0.0, 12.5, 15.0, 20.0)]
     assert np.divide(first, first[0]) == pytest.approx([1.0, 0.75, 0.5, 0.3])
     flow = {"time": [0, 5, 20], "time_unit": "s", "value": [0, 10, 40], "unit": "L/min"}
-    timed, simulation = cooling_of(rolled(secondary=secondary(circuit=[circuit(flow=flow)])))
-    simulation.destroy()
+    timed = cooling_of(rolled(secondary=secondary(circuit=[circuit(flow=flow)])))
     assert set(timed.changes) == {0.0, 5.0, 20.0}
     assert sprayed(timed, 12.5)[0] == pytest.approx(2.5 * sprayed(timed, 5.0)[0])
 
@@ -151,8 +146,7 @@ def test_speeds_of_the_water_are_met_from_the_meniscus_on() -> None:
     speed = {"time": [0, 10], "time_unit": "s", "value": [1.0, 2.0], "unit": "m/min"}
     flow = {"speed": [1.0, 1.5, 2.0], "speed_unit": "m/min", "value": [6, 10, 20], "unit": "L/min"}
     case = rolled(secondary=secondary(circuit=[circuit(flow=flow)]), casting__speed=speed)
-    cooling, simulation = cooling_of(case)
-    simulation.destroy()
+    cooling = cooling_of(case)
     assert cooling.changes == pytest.approx([5.0])
 
 
@@ -166,25 +160,23 @@ def test_water_falls_off_the_extrados() -> None:
             {"rolls": 4, "pitch": "200 mm", "diameter": "120 mm", "radius": "1 m"},
         ],
     }
-    case = rolled(secondary=segment, machine=bent)
-    simulation = build(case, MPI.COMM_WORLD)
-    sample = TimeLoop(simulation).run()
-    surface = {name: profile.temperature[0] for name, profile in sample.profiles.items()}
-    simulation.destroy()
-    assert surface["mid_face_extrados"] > surface["mid_face_intrados"] + 20.0
-    case = rolled(secondary=segment)  # its machine goes straight down
-    simulation = build(case, MPI.COMM_WORLD)
-    sample = TimeLoop(simulation).run()
-    surface = {name: profile.temperature[0] for name, profile in sample.profiles.items()}
-    simulation.destroy()
-    assert surface["mid_face_extrados"] == pytest.approx(surface["mid_face"], abs=1e-6)
+
+    def surface(case: Case) -> dict[str, float]:
+        simulation = build(case, MPI.COMM_WORLD)
+        sample = TimeLoop(simulation).run()
+        simulation.destroy()
+        return {name: profile.temperature[0] for name, profile in sample.profiles.items()}
+
+    found = surface(rolled(secondary=segment, machine=bent))
+    assert found["mid_face_extrados"] > found["mid_face_intrados"] + 20.0
+    found = surface(rolled(secondary=segment))  # its machine goes straight down
+    assert found["mid_face_extrados"] == pytest.approx(found["mid_face"], abs=1e-6)
 
 
 def test_a_roll_takes_its_share() -> None:
     """Of a pitch whose surface stays as warm as it is, and nearly of one that does not."""
     contact = {"angle": "20 deg", "share": 0.1}
-    cooling, simulation = cooling_of(rolled(secondary=secondary(contact=contact)))
-    simulation.destroy()
+    cooling = cooling_of(rolled(secondary=secondary(contact=contact)))
     rolls = [law for c in cooling.coolings for _, law in c.laws if isinstance(law, RollShare)]
     assert len(rolls) == 10  # of five rolls, on two faces
     whole, bare = (

@@ -13,6 +13,7 @@ import numpy as np
 import pandas
 import pytest
 from ranks import needs_mpirun, python_on
+from runs.billet_runs import cells
 
 import castfem
 from castfem.model import load_case
@@ -23,10 +24,7 @@ from castfem.runs.output.history import read_history
 pytestmark = pytest.mark.slow
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
-COARSE = (
-    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
-    "mesh.core_size=14 mm", "output.figures=false",
-)  # fmt: skip
+COARSE = (*cells(2, 10, 14), "output.figures=false")
 MOULDED = (
     *COARSE, "mould.friction.law=coulomb", "mould.friction.coefficient=0.2",
     "coupling.interval=0.4 s", "output.every=0.4 s", "mould.contact=nitsche",

@@ -14,7 +14,7 @@ import numpy as np
 import pandas
 import pytest
 from interrupted import history_of
-from runs.billet_runs import Kept, run, run_in_memory
+from runs.billet_runs import Kept, cells, run, run_in_memory
 from small_case import small
 from test_bulging_slab import SLAB, rolls_of
 
@@ -151,14 +151,7 @@ def test_what_does_not_go_together_is_told(changes: dict[str, object], text: str
 
 
 CASES = Path(__file__).parents[2] / "cases"
-COARSE = (
-    "mechanics.law=norton_hoff_kozlowski",
-    "mesh.surface_size=2 mm",
-    "mesh.corner_size=2 mm",
-    "mesh.face_size=6 mm",
-    "mesh.core_size=12 mm",
-    "output.fields=[]",
-)
+COARSE = ("mechanics.law=norton_hoff_kozlowski", *cells(2, 6, 12), "output.fields=[]")
 
 
 def billet(*overrides: str, name: str = "idealised") -> Case:

@@ -162,11 +162,8 @@ def test_a_profile_and_liquid_that_is_fed() -> None:
     ("changes", "text"),
     [
         ({"casting__start": {"meniscus": "8 mm", "profile": PROFILE}}, "leave one of them out"),
-
         ({"casting__start": {"meniscus": "0.28 m"}}, "is not within the first zone of the cooling"),
-
         ({"casting__start": {"profile": "1500 degC"}}, "a table over depth is needed"),
-
         ({"casting__start": EXIT, "cooling__0__name": "chill", "cooling__0__surface": []},
          "there is no mould"),
     ],

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from runs.billet_runs import FED, Kept, billet, run, run_in_memory, shipped
+from runs.billet_runs import FED, Kept, billet, cells, run, run_in_memory, shipped
 
 from castfem.base.errors import RunFailure
 from castfem.model import Case, load_case, shipped_cases
@@ -21,14 +21,7 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
 
 CASES = Path(__file__).parents[2] / "cases"
-IDEALISED_CELLS = (
-    'mesh.surface_size="2 mm"',
-    'mesh.corner_size="2 mm"',
-    'mesh.face_size="10 mm"',
-    'mesh.core_size="15 mm"',
-    'coupling.interval="0.25 s"',
-    'casting.length="120 mm"',
-)
+IDEALISED_CELLS = (*cells(2, 10, 15), "coupling.interval=0.25 s", "casting.length=120 mm")
 
 
 def idealised(*overrides: str) -> Case:

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from runs.billet_runs import CASES, Kept, billet, run_in_memory
+from runs.billet_runs import CASES, Kept, billet, cells, run_in_memory
 from small_case import small
 
 from castfem.base.types import Array
@@ -270,14 +270,8 @@ def test_beam_blank_in_its_mould(tmp_path: Path) -> None:
 
 CASE = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
 COARSE = (
-    'mesh.surface_size="2.5 mm"',
-    'mesh.corner_size="2.5 mm"',
-    'mesh.face_size="12 mm"',
-    'mesh.core_size="18 mm"',
-    'coupling.interval="0.2 s"',
-    'casting.length="120 mm"',
-    "output.fields=[]",
-)
+    *cells(2.5, 12, 18), "coupling.interval=0.2 s", "casting.length=120 mm", "output.fields=[]",
+)  # fmt: skip
 RUBBING = ("mould.contact=nitsche", "mould.friction.law=coulomb", "mould.friction.coefficient=0.3")
 
 

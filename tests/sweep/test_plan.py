@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from small_case import write_small
 
@@ -51,11 +49,6 @@ def test_names_stay_when_values_are_added(base):
     assert {v.name for v in few} < {v.name for v in more}
 
 
-def test_one_value_is_a_sweep_too(base):
-    (only,) = plan(base, ["speed=3 m/min"])
-    assert only.name == "speed_3_m_min"
-
-
 def test_table(base, tmp_path):
     table = tmp_path / "runs.csv"
     table.write_text(
@@ -93,21 +86,6 @@ def test_labels_are_the_names_as_written(base, tmp_path):
     assert brief({"mould.taper": '{top="2 %/m", exit="0.4 %/m"}', "speed": ""}) == [
         'taper {top="2 %/m", exit=" ...'
     ]
-
-
-def test_named_runs_need_no_long_values(base):
-    steep = "[{to='0.3 m', taper='2 %/m'}, {taper='1 %/m'}]"
-    rows = [
-        Row(name, {"mould.taper": taper, "speed": "3 m/min"}, "finished", {}, 1.0, "", label)
-        for name, taper, label in (("a", "1 %/m", "single"), ("b", steep, "double"))
-    ]
-
-    def cells(table):
-        return [cells for _, *cells in sweep_table(table, 80).columns]
-
-    assert cells(rows) == [["single", "double"], ["3", "3"], ["", ""]]
-    unnamed = [replace(row, label="") for row in rows]
-    assert cells(unnamed)[0] == ["1 %/m", "[{to='0.3 m', taper= ..."]
 
 
 def test_rows_that_are_the_same(base, tmp_path):
@@ -260,13 +238,3 @@ def test_six_keys_leave_room_for_the_results(width: int) -> None:
         assert f"{key} {value}" in text
     below = " ".join(text.split())
     assert "not shown, but in sweep.csv: " in below and "contact mid-face found" in below
-
-
-def test_a_wide_terminal_has_a_column_for_each_key_and_all_results() -> None:
-    lines = table(240)
-    assert not any("not shown" in line for line in lines)
-    (first,) = [line for line in lines if line.split()[:1] == ["3"]]
-    assert first.split() == [
-        "3", "40", "1", "1600", "0.8", "0.1", "4.80", "1226.8", "2.4", "1900", "4.10", "300.00",
-        "400.00",
-    ]  # fmt: skip

@@ -136,21 +136,6 @@ def test_it_ends_with_the_run_and_says_why(tmp_path: Path, end: str, well: bool,
     assert end in last and ('id="work"' in last) is not well
 
 
-def test_pages_cost_a_tenth_of_the_time(tmp_path: Path) -> None:
-    clock, folder = Clock(), tmp_path / "run"
-    work, watcher = AtWork(folder), Watcher(folder, clock)
-    page = Page(folder, tmp_path / "page.html", 1.0, clock)
-    page._write = lambda *_: None  # type: ignore[method-assign]
-    page._next, clock.now = 5.0, 4.0
-    page.write_run(watcher.status())
-    assert not page.target.exists()
-    del page._write
-    clock.now = 6.0
-    page.write_run(watcher.status())
-    assert page.target.is_file() and page._next == pytest.approx(7.0)
-    work.folder.close()
-
-
 def test_the_picture_of_a_run(tmp_path: Path) -> None:
     write_run(tmp_path / "run", finish=False)
     log = "2026-11-22 18:52:19,497 WARNING the steps are short\n"
