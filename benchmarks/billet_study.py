@@ -49,7 +49,7 @@ MORE = {
     "force": ("force of the wall on half a face [kN/m]", ".2f"),
     "axial_strain": ("axial strain [%]", ".3f"),
     "penetration": ("largest penetration [µm]", ".3f"),
-    "newton": ("Newton iterations a window", ".1f"),
+    "newton": ("Newton iterations", "g"),
     "seconds": ("processor time [s]", ".0f"),
 }
 
@@ -74,7 +74,7 @@ def at_the_exit(found: Found, ideal: Found | None) -> dict[str, Any]:
         values["share"] = 100.0 * values["heat_removed"] / ideal.values["heat_removed"]
     values["axial_strain"] *= 100.0
     values["taper_mid_face"] = 100.0 * (125.0 / values["size_mid_face"] - 1.0) / 0.6
-    values |= {"newton": found.newton / 100.0, "seconds": found.seconds}
+    values |= {"newton": found.newton, "seconds": found.seconds}
     return {k: values.get(k) for k in (*SHOWN, *MORE)}
 
 
