@@ -329,7 +329,7 @@ def _coupling(case: Case, table: Coupling) -> Faults:
         for name in given:
             yield name, "has no effect without [mechanics]"
         return
-    if "strain_error" in given and (table.growth or 1.0) == 1.0:
+    if "strain_error" in given and table.growth is None:  # 1 switches off that of a base file
         yield "strain_error", "has no effect without coupling.growth"
     for name in (n for n in _REPEATED if n in given):
         if case.mould is None:
