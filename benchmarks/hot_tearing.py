@@ -233,7 +233,8 @@ def windows(folder: Path, quick: bool) -> list[dict[str, Any]]:
         cut = "50 mm" if quick else length
         keys = [*QUIET, *CASES[name], 'quality.hot_tearing=["won"]', f"casting.length={cut}"]
         keys = [key for key in keys if not key.startswith("quality.rdg")]
-        case = load_case(find(name), [*keys, f"coupling.interval={window}"])
+        keys += [f"coupling.interval={window}", "coupling.growth=1"]
+        case = load_case(find(name), keys)
         place = f"windows_{name.partition('/')[0]}_{window.replace(' ', '')}"
         summary = finished_run(at_level(case, "coarse"), folder / place).summary
         found = summary.quantities["way_won_front_max"]

@@ -312,9 +312,7 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except NotImplementedError:
-            # Reason: filelock before 4 raises it where the file system has no locks, for which the
-            # caller is told False and goes on without; later versions raise OSError (below).
+        except NotImplementedError:  # reason: no locks on this file system, by filelock before 4
             return False
         except OSError as error:  # from version 4 on the error of flock() itself
             if error.errno in _NONE:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from ranks import python_on
@@ -306,6 +308,9 @@ def test_what_a_run_of_it_cannot_do() -> None:
     ):
         demand(caster({"caster.spacing": "0.1 um", "caster.every": "9 s"}), mesh)
     line = demand(caster({"caster.spacing": "1 mm", "caster.every": "9 s"}), mesh)
+    own = build_mesh(caster(STRAINED, STOP)).vertices
+    strained = demand(caster({**STRAINED, "caster.spacing": "2 mm"}, STOP), own)
+    assert 820 < int(strained.rpartition("about ")[2].split()[0]) < 850  # MB: 51 of 10.9, and 280
     found = re.fullmatch(r"(\d+) slices, 201 at once, 2 instants; about (\d+) MB", line)
     assert found is not None and int(found[1]) == 587 and int(found[2]) > 300
 
@@ -360,3 +365,4 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 def test_a_single_run_does_not_look_at_it(tmp_path: Path) -> None:
     case = caster()
     assert case.physics_hash() == case.model_copy(update={"caster": None}).physics_hash()
+    assert MPI.COMM_WORLD.size == 1

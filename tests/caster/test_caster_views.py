@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -23,14 +24,18 @@ from castfem.model.build.simulation import case_steel
 from castfem.model.caster_slices import by_plant, slice_of, starts_of
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
-from castfem.post.plots.caster_figures import middle_of, reheated
+from castfem.post.plots.caster_figures import _look_of as look_of
+from castfem.post.plots.caster_figures import mapped, middle_of, moments_figure, reheated
 from castfem.post.report.caster import _leaving, answers, pieces_in_band
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.interrupt import Stopped
 from castfem.runs.output.history import read_columns
 
-PYROMETERS = [{"name": "exit", "at": "150 mm"}, {"name": "edge", "at": "60 mm", "on": "corner"}]
+PYROMETERS = [
+    {"name": "exit", "at": "150 mm"},
+    {"name": "edge", "at": "60 mm", "on": "corner"},
+]
 SHORT = {"time": ["0 s", "0.5 s", "1 s", "2 s"], "event": None}
 ASKED = {
     "caster.pyrometer": PYROMETERS,
@@ -147,6 +152,17 @@ def test_a_bent_strand_lies_where_its_machine_has_it(tmp_path: Path) -> None:
     assert (np.diff(points[0, :, 0]) > 0.0).all()
 
 
+def test_moments_of_a_strand_that_goes_straight_down_stand_side_by_side(looked_at: Any) -> None:
+    case, folder = looked_at
+    figure = moments_figure(folder, case)
+    assert figure is not None
+    figure.draw_without_rendering()  # lays it out
+    panels = [axes.get_position() for axes in figure.axes[:3]]
+    assert len({round(panel.y0, 6) for panel in panels}) == 1
+    assert all(one.x1 < other.x0 for one, other in itertools.pairwise(panels))
+    assert sum(panel.width for panel in panels) > 0.5  # of the page
+
+
 def test_reheating_is_above_the_coldest_so_far() -> None:
     strand = {
         "slice": np.array([1.0, 2, 1, 2, 1, 1, 3, 3]),
@@ -158,6 +174,18 @@ def test_reheating_is_above_the_coldest_so_far() -> None:
     assert found[[0, 2, 4, 5]].tolist() == [0.0, 50.0, 0.0, 0.0]
     assert np.isnan(found[[1, 3]]).all()  # what that slice has been before is not known
     assert found[[6, 7]].tolist() == [0.0, 30.0]  # it has passed the mould between two instants
+
+
+def test_mechanics_are_mapped_where_there_are_any(looked_at: Any) -> None:
+    _, folder = looked_at
+    strand, _, _ = read_table(folder / "strand.csv")
+    none, some = np.zeros(len(strand["clock"])), np.linspace(0.0, 9.0, len(strand["clock"]))
+    more = {"I1_max": some, "I2_max": none, "bulge_intrados": some, "roll_force": none * np.nan}
+    thermal, found = mapped(strand, 0.1), mapped({**strand, **more}, 0.1)
+    assert set(found) == {*thermal, "I1_max", "bulge_intrados"}
+    assert found["I1_max"] is some
+    label, ticks = look_of("I1_max", some, (1073.15, 1223.15))[1:]
+    assert label == "I1, axial tension in the band [MPa]" and not ticks
 
 
 def test_pieces_within_the_band_in_the_straightener() -> None:

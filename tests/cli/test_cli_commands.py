@@ -326,3 +326,15 @@ def test_what_nobody_interrupted_is_not_called_interrupted(castfem, monkeypatch,
     outcome = castfem("cases")
     assert outcome.status == 2 and "interrupted" not in outcome.err
     assert outcome.err.startswith(f"castfem: unexpected {type(error).__name__}")
+
+
+def test_a_command_ends_without_a_search_for_garbage(tmp_path):
+    """Python would look through all objects several times before the process ends."""
+    code = (
+        "import atexit, gc, sys; from castfem.cli import main; "
+        "atexit.register(lambda: print(len(gc.get_objects()) < 1000 < gc.get_freeze_count())); "
+        "main(['cases'])"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, check=True, capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout.splitlines()[-1] == "True"

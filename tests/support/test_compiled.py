@@ -19,6 +19,7 @@ import pytest
 from filelock import FileLock, Timeout
 
 from castfem.base.atomic_files import folder_refused, saving, taken
+from castfem.base.compiled import outermost
 from castfem.base.errors import RunFailure
 from castfem.runs.output.field_files import open_hdf5
 from castfem.runs.output.folder import OutputFolder
@@ -72,7 +73,10 @@ def answer(found: bool) -> float:
 
 @pytest.mark.parametrize(
     ("file", "before", "after", "expected"),
-    [("inner.py", "+ 1.0", "+ 2.0", 15.0), ("constants.py", "2.0", "3.0", 17.0)],
+    [
+        ("inner.py", "+ 1.0", "+ 2.0", 15.0),
+        ("constants.py", "2.0", "3.0", 17.0),
+    ],
 )
 def test_a_change_of_any_file_is_seen(
     toy: Path, file: str, before: str, after: str, expected: float
@@ -129,6 +133,26 @@ def test_a_full_disk_keeps_nothing(toy: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("os.replace", full)
     assert float(outer(3.0)) == 13.0
     monkeypatch.undo()
+
+
+def test_each_is_called_directly(toy: Path) -> None:
+    """Without a line of Python between, of which numba needs many to look a function up anew."""
+
+    @outermost
+    def other(x):  # type: ignore[no-untyped-def]
+        return x + 2.0
+
+    functions = anew(), other
+    assert [function(1.0) for function in functions] == [9.0, 3.0]
+    assert len({function._cache.cache_path for function in functions}) == 2
+    calls: list[str] = []
+    sys.setprofile(lambda frame, event, _: calls.append(event) if event == "call" else None)
+    try:
+        for function in functions:
+            function(1.0)
+    finally:
+        sys.setprofile(None)
+    assert not calls
 
 
 @pytest.fixture(params=[errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, 524])

@@ -297,3 +297,18 @@ def test_the_command_ends_with_the_status_of_the_run(
     assert page.is_file() and "finished" in capsys.readouterr().out
     write_run(tmp_path / "dead", finish=False)
     assert execute(["watch", str(tmp_path / "dead")]) == 2
+
+
+def test_pages_cost_a_tenth_of_the_time(tmp_path: Path) -> None:
+    clock, folder = Clock(), tmp_path / "run"
+    work, watcher = AtWork(folder), Watcher(folder, clock)
+    page = Page(folder, tmp_path / "page.html", 1.0, clock)
+    page._write = lambda *_: None  # type: ignore[method-assign]
+    page._next, clock.now = 5.0, 4.0
+    page.write_run(watcher.status())
+    assert not page.target.exists()
+    del page._write
+    clock.now = 6.0
+    page.write_run(watcher.status())
+    assert page.target.is_file() and page._next == pytest.approx(7.0)
+    work.folder.close()

@@ -63,7 +63,7 @@ def _compiled() -> Any:
     numbers = [types.int64] * 3 + [types.float64] * 2
 
     def loop(n, m, cells, origin, per_enthalpy, enthalpy, pieces, ends, first, found):  # type: ignore[no-untyped-def]
-        given, rows, end = carray(enthalpy, (n,)), carray(pieces, (m, 8)), carray(ends, (m,))
+        given, rows, end = carray(enthalpy, (n,)), carray(pieces, (m, COLUMNS)), carray(ends, (m,))
         start, out = carray(first, (cells,)), carray(found, (4, n))
         for j in range(n):
             h = given[j]
