@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from castfem.base.errors import RunFailure
 from castfem.model import Case
-from castfem.runs import loop
+from castfem.runs import existing_run, loop
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary_file import Summary
 
@@ -37,8 +37,10 @@ def finished_run(case: Case, folder: Path) -> Finished:
     A run that was cut short there goes on from its checkpoint.
 
     Raises:
+        InputError: The folder holds a run of another case.
         RunFailure: It failed before there was anything to sum up.
     """
+    existing_run.check(folder, case, resume=True, overwrite=False)
     summary, failure = Summary.load(folder), ""
     if summary is None or summary.status != "finished":
         start = process_time()

@@ -94,12 +94,15 @@ def billet(size: float, step: float) -> Case:
     return billet_case(replace(accuracy.GRADED, **sizes))
 
 
-def slab(size: float, kelvin: float, core: float = 24.0, face: float = 30.0) -> Case:
-    """Half the slab, in steps of an error."""
+def slab(
+    size: float, kelvin: float, core: float = 24.0, face: float = 30.0, largest: float = 2.0
+) -> Case:
+    """Half the slab, in steps of an error, and of at most as many s."""
     keys = {"surface_size": size, "corner_size": size, "core_size": core, "face_size": face}
     mesh = [f"mesh.{name}={value:g} mm" for name, value in keys.items()]
-    steps = f"thermal.time.adaptive.tolerance={kelvin:g} K"
-    return load_case(SLAB, (*QUIET, f"casting.length={TO:g} m", *mesh, steps))
+    steps = {"tolerance": f"{kelvin:g} K", "largest": f"{largest:g} s"}
+    adaptive = [f"thermal.time.adaptive.{name}={value}" for name, value in steps.items()]
+    return load_case(SLAB, (*QUIET, f"casting.length={TO:g} m", *mesh, *adaptive))
 
 
 BILLET = Race(
@@ -108,10 +111,11 @@ BILLET = Race(
     (0.8, 0.6, 0.4, 0.3, 0.2), accuracy.LEVELS, lambda x: float(np.abs(x).max()), "s",
 )  # fmt: skip
 STRAND = Race(
-    "slab", ("mid_face_intrados", "corner_intrados"), slab, (2.0, 1.0),
-    (("sdirk2", 0.5, 0.05), ("bdf2", 0.5, 0.05), ("bdf2", 0.25, 0.02)),
+    "slab", ("mid_face_intrados", "corner_intrados"), slab, (8.0, 4.0, 2.0),
+    (("sdirk2", 1.0, 0.1), ("sdirk2", 1.0, 0.05), ("sdirk2", 0.5, 0.05),
+     ("bdf2", 1.0, 0.05), ("bdf2", 0.5, 0.05), ("bdf2", 0.5, 0.02), ("bdf2", 0.25, 0.02)),
     (2.0, 1.5, 1.0, 0.5), ((4.0, 0.2), (2.0, 0.1), (1.0, 0.05)),
-    lambda x: float(np.sqrt(np.mean(x**2))), "K", (0.25, 0.2, 6.0, 15.0),
+    lambda x: float(np.sqrt(np.mean(x**2))), "K", (0.25, 0.2, 6.0, 15.0, 0.25),
 )  # fmt: skip
 
 

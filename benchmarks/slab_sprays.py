@@ -29,7 +29,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "3 mm": ("mesh.surface_size=3 mm", "mesh.corner_size=3 mm"),
     "3 mm, 0.2 K, to 6 m": (
         "mesh.surface_size=3 mm", "mesh.corner_size=3 mm", "thermal.time.adaptive.tolerance=0.2 K",
-        f"casting.length={TO:g} m",
+        "thermal.time.adaptive.largest=0.25 s", f"casting.length={TO:g} m",
     ),
     "2 mm": ("mesh.surface_size=2 mm", "mesh.corner_size=2 mm"),
     "1 mm, as shipped": (),

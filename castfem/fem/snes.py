@@ -263,19 +263,27 @@ class SnesSolver:
         self._raised: BaseException | None = None
         self._given_up = False
 
-    def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned:
-        """Charge a call from SNES to "python"; keep its exception, which PETSc may replace."""
+    def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned | None:
+        """Charge a call from SNES to "python"; return None if it raises, or once one has raised.
+
+        The exception is kept for `solve` to raise: the error handling of petsc4py 3.22 may crash
+        on one that passes through PETSc.
+        """
+        if self._raised is not None:
+            return None
         self.watch.start("python")
         try:
             return method(*given)
-        except BaseException as error:
+        except BaseException as error:  # reason: raised again by `solve`
             self._raised = error
-            raise
+            return None
         finally:
             self.watch.stop()
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         self._called_back(self.problem.residual, x, f)
+        if self._raised is not None:
+            f.set(math.nan)  # ends the solve
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         self._called_back(self.problem.jacobian, x, p)
@@ -294,6 +302,8 @@ class SnesSolver:
         reasons = PETSc.SNES.ConvergedReason
         found = snes.getSolution(), snes.getFunction()[0]
         sizes = self._called_back(self.problem.norms, *found)
+        if sizes is None:
+            return int(reasons.DIVERGED_FUNCTION_DOMAIN)
         self._history.append(sizes)
         if self._given_up:
             return int(reasons.DIVERGED_LINE_SEARCH)
@@ -328,7 +338,9 @@ class SnesSolver:
                         raise
                     # What PETSc cannot do is told of only here: ILU of several ranks' matrix, say.
                     raise InputError(_refused(self._prefix, self._asked, str(error))) from error
-                raise self._raised from None  # for example Ctrl-C in the middle of a solve
+        if self._raised is not None:
+            raised, self._raised = self._raised, None  # no cycle with the frames of its traceback
+            raise raised
         reason = self.snes.getConvergedReason()
         if self._given_up:
             reason = int(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
