@@ -267,7 +267,8 @@ class SnesSolver:
         """Charge a call from SNES to "python"; return None if it raises, or once one has raised.
 
         The exception is kept for `solve` to raise: the error handling of petsc4py 3.22 may crash
-        on one that passes through PETSc.
+        on one that passes through PETSc. On several ranks it does pass, since a rank that alone has
+        an error must leave at once: in PETSc it would wait for the others, and they for it.
         """
         if self._raised is not None:
             return None
@@ -276,6 +277,8 @@ class SnesSolver:
             return method(*given)
         except BaseException as error:  # reason: raised again by `solve`
             self._raised = error
+            if self.snes.comm.size > 1:
+                raise
             return None
         finally:
             self.watch.stop()
