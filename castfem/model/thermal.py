@@ -47,7 +47,7 @@ class Adaptive(TableModel):
     """first step, also after each change of zone"""
     smallest: Time = written("0.01 ms")
     """smallest step; the run fails below it"""
-    largest: Time = written("0.5 s")
+    largest: Time = written("2 s")
     """largest step"""
 
 

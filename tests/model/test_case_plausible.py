@@ -339,7 +339,7 @@ def test_keys_that_change_nothing(case: Path, changes: tuple[str, ...], said: st
     ("changes", "said"),
     [
         (("thermal.time.step=1 s",), "thermal.time.step: (1 s) is cut to output.every (0.5 s)"),
-        (("thermal.time.adaptive={largest='2 s'}",), "adaptive.largest: (2 s) is cut to output"),
+        (("thermal.time.adaptive={largest='3 s'}",), "adaptive.largest: (3 s) is cut to output"),
         (("thermal.time.step=1 s", "output.every=1 s"), ""),
         (("thermal.time.step=1 s", "output.fields=[]"), ""),
     ],

@@ -229,14 +229,19 @@ def draw_figures(folder: Path | str) -> list[Path]:
 def _cleared() -> Iterator[Callable[[], object]]:
     """Yield a function that frees earlier figures, which are in reference cycles with their pixels.
 
-    Older objects are excluded from the garbage search meanwhile, which makes it fast; without it a
-    dozen figures would be in memory at once.
+    Older objects and what earlier figures have left are excluded from the garbage search, which
+    makes it fast; without it a dozen figures would be in memory at once.
     """
     frozen, enabled = gc.get_freeze_count() > 0, gc.isenabled()
+
+    def clear() -> None:
+        gc.collect()
+        gc.freeze()
+
     gc.disable()
     gc.freeze()
     try:
-        yield gc.collect
+        yield clear
     finally:
         if not frozen:
             gc.unfreeze()
