@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from rolls_of_file import rolls_of
+from runs.billet_runs import simulated
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
@@ -161,23 +162,17 @@ def test_a_lost_pair() -> None:
 
 def test_no_face_rests_on_a_lost_pair() -> None:
     """The strip between the rolls, and the resistance of a coupled run, go over it."""
-    from mpi4py import MPI
-
-    from castfem.model.build.simulation import build
     from castfem.physics.contact.roll_support import RollSupport
 
     case = load_case(FOLDER / "bulging.toml").with_(
         {"machine.defect": [{"kind": "lost", "roll": 30}], "mesh.core_size": "50 mm"}
     )
-    simulation = build(case, MPI.COMM_SELF)
-    try:
+    with simulated(case) as simulation:
         (support,) = [
             one
             for one in simulation.mechanics.problem.slice.interactions
             if isinstance(one, RollSupport)
         ]
-    finally:
-        simulation.destroy()
     places = [pair.position for pair in rolls_of(REFERENCE).pairs]
     assert support.knots == (*places[:29], *places[30:])
     table = slab({"kind": "lost", "roll": 30}).machine

@@ -162,7 +162,6 @@ def test_resistance(rolls: Rolls) -> None:
 def effort(extra: float = 0.0) -> list[float]:
     """Load of each drive, t, if every drive takes what came before it, as far as it can."""
     case = load_case(FOLDER / "thermal.toml")
-    assert case.machine is not None
     steps = np.diff(resistance()[1], prepend=0.0)
     steps[47] += extra
     left, loads = 0.0, []
