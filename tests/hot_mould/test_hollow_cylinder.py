@@ -130,6 +130,16 @@ def test_the_largest_stress_is_that_of_the_hot_face(cells: int, part: float) -> 
     assert found.von_mises.x.array == pytest.approx(wanted, abs=2.0 * part * von_mises(A))
 
 
+def test_closed_form_is_in_equilibrium() -> None:
+    """The formulas above, against d(r sigma_r)/dr = sigma_t and traction-free walls."""
+    r, step = np.linspace(0.062, 0.078, 9), 1e-6
+    slope = ((r + step) * stresses(r + step)[:, 0] - (r - step) * stresses(r - step)[:, 0]) / (
+        2.0 * step
+    )
+    assert slope == pytest.approx(stresses(r)[:, 1], rel=1e-5)
+    assert stresses(np.array([A, B]))[:, 0] == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
 def test_conductivity_that_falls_with_temperature() -> None:
     """With k(T) it is the conduction integral that is logarithmic in r."""
     table = Table("temperature", (300.0, 400.0, 600.0), (400.0, 380.0, 330.0))
