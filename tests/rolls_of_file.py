@@ -28,7 +28,6 @@ def written(tmp_path: Path, rows: tuple[str, ...] = ROWS, header: str = HEADER) 
 
 
 def rolls_of(what: Case) -> Rolls:
-    assert what.machine is not None
     found = what.machine.pairs()
     assert found is not None
     return found

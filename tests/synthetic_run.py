@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from rich.console import Console
 from scipy.special import erf
 
 from castfem.base.shown_quantity import Quantity
+from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import History
 from castfem.runs.output.summary_file import Reference, Summary, Zone, compare
@@ -154,3 +158,10 @@ def write_run(path: Path, *, steps: int = 40, part: str = "quarter", finish: boo
             folder.update(reached={"time": 3.2, "position": 0.192, "step": 20})
             folder.close()
     return path
+
+
+def printed(folder: Path, width: int = 110, **options: Any) -> str:
+    """What `castfem show` prints of a folder."""
+    stream = io.StringIO()
+    show(folder, Console(file=stream, width=width), **options)
+    return stream.getvalue()

@@ -20,7 +20,6 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(scope="module")
 def packages() -> ModuleType:
     spec = importlib.util.spec_from_file_location("packages", ROOT / "tools" / "packages.py")
-    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -34,7 +34,6 @@ def test_adaptive_steps_are_scaled_by_their_tolerance() -> None:
     """Half the step has an eighth of the error of a step, with a scheme of second order."""
     case = small({"thermal.time": {"adaptive": {"tolerance": "1 K"}}})
     finer = case.with_(sizes.changes(case, {"step": 0.5})).thermal.time.adaptive
-    assert finer is not None
     assert finer.tolerance == pytest.approx(0.125)
     assert finer.largest == pytest.approx(1.0)
 

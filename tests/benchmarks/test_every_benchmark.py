@@ -132,7 +132,6 @@ def between(output: Output, name: str) -> list[str]:
     """The lines between the markers of a table."""
     page = output.page.read_text(encoding="utf-8")
     found = re.search(rf"<!-- begin {name} -->\n(.*?)<!-- end {name} -->", page, re.DOTALL)
-    assert found is not None
     return found[1].splitlines()
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from rolls_of_file import rolls_of
 
 from benchmarks import slab_error, slab_sprays, slabs
 from benchmarks.report import Output
@@ -21,11 +22,7 @@ CASES = Path(__file__).parents[2] / "cases" / "slab1200"
 
 
 def rolls() -> Rolls:
-    case = load_case(CASES / "reference.toml")
-    assert case.machine is not None
-    found = case.machine.pairs()
-    assert found is not None
-    return found
+    return rolls_of(load_case(CASES / "reference.toml"))
 
 
 @pytest.fixture(scope="module")

@@ -50,7 +50,6 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session", params=PAGES)
 def file(request: pytest.FixtureRequest, runs: Path) -> Path:
-    """A page."""
     target = runs / f"{request.param}.html"
     folders = [str(runs / name) for name in PAGES[request.param]]
     assert execute(["report", *folders, "-o", str(target)]) == 0
@@ -90,7 +89,6 @@ def test_the_slider_moves_the_section(page: Page, file: Path, runs: Path) -> Non
         seen.append(cells.evaluate_all("all => all.map(c => c.getAttribute('fill')).join()"))
     assert len(set(seen)) > places // 2
     box = figure.locator("svg[role]").bounding_box()
-    assert box is not None
     pointed = figure.locator(".pointed")
     mouse = page.mouse
     mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])

@@ -41,8 +41,6 @@ GROUPS = ("symmetry_x", "symmetry_y", "inside", "narrow_face", "wide_face")
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A slab and its pitch."""
-
     width: float  #: of the slab, m
     shell: float  #: its thickness, m
     pitch: float  #: m
@@ -61,7 +59,6 @@ class Box:
         return PRESSURE * self.pitch**2 / (8.0 * SHEAR * modulus * self.shell)
 
     def solved(self) -> pd.Series[float]:
-        """The shell in three dimensions, mm."""
         rows = pd.read_csv(DATA / "shell3d.csv").set_index(["width", "shell", "pitch"])
         return rows.loc[tuple(round(1e3 * x) for x in (self.width, self.shell, self.pitch))]
 

@@ -155,7 +155,6 @@ def test_a_bent_strand_lies_where_its_machine_has_it(tmp_path: Path) -> None:
 def test_moments_of_a_strand_that_goes_straight_down_stand_side_by_side(looked_at: Any) -> None:
     case, folder = looked_at
     figure = moments_figure(folder, case)
-    assert figure is not None
     figure.draw_without_rendering()  # lays it out
     panels = [axes.get_position() for axes in figure.axes[:3]]
     assert len({round(panel.y0, 6) for panel in panels}) == 1
@@ -245,7 +244,6 @@ def test_the_page(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:
     text = (folder / "report.html").read_text()
     assert not re.search(r'(src|href)="(?!data:|#)', text) and "<script src" not in text
     found = re.search(r'<script type="application/json" id="strand">(.*?)</script>', text)
-    assert found is not None
     data = json.loads(found[1])
     strand, _, _ = read_table(folder / "strand.csv")
     clocks = np.unique(strand["clock"])

@@ -53,7 +53,6 @@ def test_errors_stand_beside_the_results(castfem, tmp_path) -> None:
         for name, quantity in after.items():
             assert {k: v for k, v in quantity.items() if k != "error"} == before[name]
     kelvin = Summary.load("results/small")
-    assert kelvin is not None
     assert kelvin.quantities["surface_temperature_mid_face"].error == pytest.approx(told)
     shown = castfem("show", "results/small").out
     assert " ± " in next(line for line in shown.splitlines() if "surface" in line)
@@ -92,7 +91,6 @@ def test_what_is_finished_is_not_run_again(castfem, tmp_path) -> None:
     case = load_case(path)
     errors = table.errors_of(case.with_({"thermal.time.step": "25 ms"}))
     whole = table.errors_of(case)
-    assert errors is not None and whole is not None
     entry = table.quantities["heat_removed"]
     assert errors["heat_removed"] == pytest.approx(entry.error({"step": 0.5}))
     assert errors["heat_removed"] < whole["heat_removed"]
@@ -211,7 +209,6 @@ def test_errors_on_the_way(castfem, tmp_path) -> None:
     assert entry.value == pytest.approx(entry.parts["step"].values[1.0])
     assert entry.error() > 0.0 and entry.value > 0.0
     summary = Summary.load("results/small")
-    assert summary is not None
     assert summary.errors_near(0.05)["shell_corner"] == pytest.approx(1e-3 * entry.error())
     warm = table.places[0.04]["surface_temperature_mid_face"]
     assert summary.errors_near(0.04)["surface_temperature_mid_face"] == pytest.approx(warm.error())

@@ -93,6 +93,17 @@ def hardening_laws(el: Elasticity) -> dict[str, RadialReturn]:
     }
 
 
+def tensor(state: Array) -> Array:
+    """Mandel tensors (n, 4) of the states of a signed law."""
+    xx, yy, xy = state[:, :3].T
+    return np.column_stack([xx, yy, -(xx + yy), xy])
+
+
+def deviator(stress: Array) -> Array:
+    """Of Mandel vectors (n, 4)."""
+    return stress - stress[:, :3].mean(axis=1)[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
+
+
 @dataclass(frozen=True)
 class States:
     """Random starts of steps for n points in groups that share a time step."""
@@ -145,13 +156,13 @@ def random_states(law: RadialReturn, n: int, groups: int, seed: int) -> States:
         # A third along the stress, a third back, a third anywhere.
         anywhere = _directions(rng, n)
         anywhere[:, :3] -= anywhere[:, :3].mean(axis=1)[:, None]
-        deviator = stress - stress[:, :3].mean(axis=1)[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
-        length = np.linalg.norm(deviator, axis=1)[:, None]
+        along = deviator(stress)
+        length = np.linalg.norm(along, axis=1)[:, None]
         with np.errstate(invalid="ignore"):
-            aligned = np.where(length > 0.0, deviator / length, anywhere)
+            aligned = np.where(length > 0.0, along / length, anywhere)
         kind = rng.integers(0, 3, n)[:, None]
-        tensor = np.where(kind == 0, aligned, np.where(kind == 1, -aligned, anywhere))
-        state[:, :3] = state[:, :1] * tensor[:, (0, 1, 3)]
+        way = np.where(kind == 0, aligned, np.where(kind == 1, -aligned, anywhere))
+        state[:, :3] = state[:, :1] * way[:, (0, 1, 3)]
     thermal = np.where(new < SOLIDUS, rng.uniform(-1e-2, 1e-2, n), 0.0)
     return States(old, new, strain, thermal, stress, state, dt, group)
 
@@ -178,15 +189,7 @@ def one(
 def norton_relaxation(
     time: npt.ArrayLike, stress: float, young: float, factor: float, exponent: float
 ) -> Array:
-    """Stress of a bar held at its length under Norton creep, Pa.
-
-    Args:
-        time: s.
-        stress: At time 0, Pa.
-        young: Young's modulus, Pa.
-        factor: Creep rate at 1 Pa, 1/s.
-        exponent: Of the stress, not 1.
-    """
+    """Stress of a bar held at its length under Norton creep, Pa; `factor` is the rate at 1 Pa."""
     m = exponent - 1.0
     loss = m * young * factor * stress**m * np.asarray(time, float)
     return np.asarray(stress * (1.0 + loss) ** (-1.0 / m))

@@ -46,9 +46,6 @@ def norton_hoff(
     return NortonHoff(EL, Constant(strength), Constant(p1), Constant(p3), Constant(p4), given)
 
 
-# -- perfectly plastic -------------------------------------------------------------------------
-
-
 def test_perfect_plasticity_in_tension_and_back() -> None:
     law = PerfectlyPlastic(EL, Constant(20e6))
     strain = np.concatenate([np.linspace(0.0, 5e-3, 51), np.linspace(5e-3, 2e-3, 31)[1:]])
@@ -71,9 +68,6 @@ def test_yield_in_shear_is_von_mises() -> None:
     law = PerfectlyPlastic(EL, Constant(20e6))
     found = one(law, [0.0, 0.0, 0.0, np.sqrt(2.0) * 5e-3])
     assert found.stress[0, 3] / np.sqrt(2.0) == pytest.approx(20e6 / np.sqrt(3.0), rel=1e-12)
-
-
-# -- Norton creep ------------------------------------------------------------------------------
 
 
 def test_norton_relaxation() -> None:
@@ -237,8 +231,6 @@ def test_the_viscous_law_approaches_the_curve_from_below() -> None:
     np.testing.assert_allclose(found[late], expected[late], rtol=1e-4)
 
 
-# -- loading and unloading (213), (214) --------------------------------------------------------
-
 CRITERION = [
     norton_hoff(0.0, 0.13, 0.0),
     norton_hoff(0.0, 0.13, 0.2),
@@ -279,8 +271,6 @@ def _check_criterion(stress: np.ndarray, strain: np.ndarray, flows: np.ndarray) 
         np.diff(stress)[unloading], E * np.diff(strain)[unloading], rtol=1e-9
     )
 
-
-# -- steel -------------------------------------------------------------------------------------
 
 KOZLOWSKI = {  # 0.27 %C, MPa: rows degC, columns rates 1e-4, 1e-3, 1e-2 at strains .002, .01, .05
     900: [18.37, 22.01, 32.86, 25.62, 29.27, 40.11, 36.06, 39.71, 50.55],
@@ -369,16 +359,12 @@ def test_shipped_mixture_weights_the_stresses_by_the_fractions(share: float) -> 
 
 def test_mixture_goes_by_the_fractions_of_the_steel() -> None:
     steel = load_steel("plain_carbon", composition={"C": 0.12})
-    assert steel.diagram is not None
     share = DeltaShare(steel.diagram)
     law = load_law("kozlowski_zhu_mixed", EL, carbon=0.12, delta_share=share)
     assert isinstance(law, UnifiedSteel)
     t = np.linspace(1450.0, 1494.0, 45) + ZERO
     np.testing.assert_allclose(law.delta_weight(t), steel.diagram.phases(t).delta, atol=1e-12)
     assert law.delta_weight(t)[-1] > 0.6 > law.delta_weight(t)[25] > 0.1
-
-
-# -- units -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["plastic", "creep", "hoff", "viscous"])

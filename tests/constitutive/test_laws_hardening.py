@@ -30,7 +30,7 @@ from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.constitutive.hardening_laws import TENSOR
 from castfem.physics.constitutive.uniaxial import AXIAL, pull
 
-from .samples import ZERO, hardening_laws, random_states, steel_like
+from .samples import ZERO, deviator, hardening_laws, random_states, steel_like, tensor
 
 YOUNG, POISSON = 15e9, 0.3
 EL = Elasticity.constant(YOUNG, POISSON)
@@ -54,17 +54,6 @@ def hoff(options: Options, limit: float | None = 0.0) -> NortonHoff:
     return NortonHoff(EL, *parameters, given, **options)
 
 
-def full(state: Array) -> Array:
-    """Mandel tensors (n, 4) of states."""
-    xx, yy, xy = state[:, :3].T
-    return np.column_stack([xx, yy, -(xx + yy), xy])
-
-
-def deviator(stress: Array) -> Array:
-    """Of Mandel vectors (n, 4)."""
-    return stress - stress[:, :3].mean(axis=1)[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
-
-
 @ALL
 def test_what_stress_loses_is_what_strain_gains(law: RadialReturn) -> None:
     """Hooke's law with the new elastic strain, and dE/dt = flow - E/tau at the end of the step."""
@@ -82,12 +71,12 @@ def test_what_stress_loses_is_what_strain_gains(law: RadialReturn) -> None:
             off = np.abs(gained - lost)
             scale = size / shear + grown * found.state[:, 0]
         else:
-            before = np.where(fresh[:, None], 0.0, full(state))
-            gain = grown[:, None] * full(found.state) - before
+            before = np.where(fresh[:, None], 0.0, tensor(state))
+            gain = grown[:, None] * tensor(found.state) - before
             lost_strain = deviator(trial.stress - found.stress) / (2.0 * shear)[:, None]
             off = np.abs(gain - lost_strain).max(axis=1)
             scale = size / shear + np.abs(before).max(axis=1)
-            scale += grown * np.abs(full(found.state)).max(axis=1)
+            scale += grown * np.abs(tensor(found.state)).max(axis=1)
         assert (off <= 1e-10 * scale).all()
         mean = (found.stress - trial.stress)[:, :3].mean(axis=1)
         assert (np.abs(mean) <= 1e-12 * size).all()
@@ -155,7 +144,7 @@ def stepped(law: RadialReturn, path: Callable[[float], Array], end: float, steps
             MaterialStep(strain[None], np.zeros(1), heat, heat, dt), stress, state
         )
         stress, state = answer.stress, answer.state
-        found[k + 1] = np.concatenate([deviator(stress)[0], full(state)[0]])
+        found[k + 1] = np.concatenate([deviator(stress)[0], tensor(state)[0]])
     return found
 
 
@@ -222,7 +211,7 @@ def test_energy_of_austenite() -> None:
             strain = turning((k + 0.5) * end / steps)[None] * end / steps
             step = MaterialStep(strain, np.zeros(1), heat, heat, end / steps)
             found = law.integrate(step, stress, state)
-            gain = full(found.state) - full(state)
+            gain = tensor(found.state) - tensor(state)
             stored = [float(c.hardening) * law.strain(s)[0] ** m / m for s in (found.state, state)]
             spent = float(np.sum(found.stress * gain))
             assert found.dissipation[0] >= 0.0
@@ -289,7 +278,7 @@ def test_states_know_their_strain_and_turn_with_the_material(law: RadialReturn) 
     turned = law.turned(state, angle)
     np.testing.assert_allclose(law.strain(turned), law.strain(state), rtol=1e-12)
     if law.state_names[:3] == TENSOR:
-        np.testing.assert_allclose(law.strain(state), equivalent_strain(full(state)), rtol=1e-12)
+        np.testing.assert_allclose(law.strain(state), equivalent_strain(tensor(state)), rtol=1e-12)
         np.testing.assert_allclose(law.turned(turned, -angle), state, atol=1e-12)
         assert np.abs(turned - state).max() > 0.1
     else:

@@ -184,9 +184,6 @@ def test_report_and_picture(tmp_path: Path) -> None:
     assert law.plot(tmp_path / "fit.png").stat().st_size > 20_000
 
 
-# -- files -------------------------------------------------------------------------------------
-
-
 def test_reading_a_file(tmp_path: Path) -> None:
     path = tmp_path / "tests.csv"
     path.write_text(

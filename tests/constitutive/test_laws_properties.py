@@ -20,7 +20,7 @@ from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.constitutive.hardening_laws import Hardening
 from castfem.physics.constitutive.kernel import constants
 
-from .samples import FADING, every_law, random_states
+from .samples import FADING, deviator, every_law, random_states, tensor
 
 LAWS = every_law()
 ALL = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
@@ -54,17 +54,6 @@ def opposite(law: RadialReturn, state: Array) -> Array:
     if law.signed:
         other[:, :3] *= -1.0
     return other
-
-
-def tensor(state: Array) -> Array:
-    """Mandel tensors (n, 4) of the states of a signed law."""
-    xx, yy, xy = state[:, :3].T
-    return np.column_stack([xx, yy, -(xx + yy), xy])
-
-
-def deviator(stress: Array) -> Array:
-    """Of Mandel vectors (n, 4)."""
-    return stress - stress[:, :3].mean(axis=1)[:, None] * ONE
 
 
 def back_stress(law: RadialReturn, c: Array, state: Array) -> Array:

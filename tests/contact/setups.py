@@ -13,17 +13,14 @@ from castfem.meshes import SectionMesh
 from castfem.physics.contact.settings import Contact
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
+from castfem.physics.mould import Contour
 from castfem.physics.mould.wall import GapFunction
 
 PLANE_STRAIN = PlainPlanes(free=())
 
 
 class LineWall:
-    """A straight wall whose place and slope follow the position.
-
-    Args:
-        point: A point of it over the position. slope: Angle of its normal to the y axis, rad.
-    """
+    """A straight wall: a point of it, and the angle of its normal (rad), over the position."""
 
     def __init__(self, point: Any, slope: Any = lambda z: 0.0, axis: int = 1) -> None:
         self.point, self.slope, self.axis = point, slope, axis
@@ -42,6 +39,19 @@ class LineWall:
         return 400.0
 
 
+class ContourWall:
+    """A wall of the same segments at all positions."""
+
+    def __init__(self, *segments: Any) -> None:
+        self.contour = Contour(list(segments))
+
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
+        return self.contour.gap_function(points, normals)
+
+    def temperature(self, position: float) -> float:
+        return 400.0
+
+
 def tapered_block(
     method: str,
     length: float = 1.0,
@@ -53,14 +63,7 @@ def tapered_block(
 ) -> setups.SliceSetup:
     """The elastic block: 20 mm square, 0.05 mm of a wall tapered by 0.04 mm pushed into it.
 
-    Args:
-        method: Of contact.
-        length: Unit of length, m.
-        stress: Unit of stress, Pa.
-        cell: Shape of the cells.
-        cells: Their number along each side.
-        options: PETSc options.
-        **given: Changes to the contact.
+    In units of length (m) and stress (Pa); `given` changes the contact.
     """
     width, push, taper = 20e-3 / length, 0.05e-3 / length, 0.04e-3 / length
     # Rollers under the foot; sideways it is held in the middle of its top alone.
@@ -100,6 +103,25 @@ class TwoWalls:
 FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
 
 
+def drawn_block(
+    mesh: SectionMesh, contact: Contact, pressure: float, free: tuple[str, ...], large: bool = False
+) -> setups.SliceSetup:
+    """A block (groups left, foot, right, top) of 40 GPa, pressed on the wall it is drawn along."""
+    return setups.SliceSetup(
+        mesh,
+        setups.elastic(40e9, 0.0),
+        given={
+            "planes": PlainPlanes(free),
+            "held": (PrescribedDisplacement(("left",), 0),),
+            "loads": (SurfacePressure(("top",), lambda t: pressure),),
+            "pin": False,
+            "interactions": (contact,),
+            "large_strain": large,
+        },
+        tolerance=1e-10,
+    )
+
+
 def dragged_block(
     mesh: SectionMesh,
     law: Any,
@@ -110,13 +132,7 @@ def dragged_block(
 ) -> setups.SliceSetup:
     """A block (groups left, foot, right, top) pressed on a wall and drawn along it by its top.
 
-    Args:
-        mesh: The block.
-        law: What it is made of, without lateral contraction.
-        contact: With the wall below its foot.
-        pressure: On its top, Pa.
-        top: Displacement of that over time, m.
-        shear: Stress that its sides carry over time, Pa: then it is sheared evenly.
+    Its sides carry `shear` (Pa) over time: without lateral contraction it is sheared evenly.
     """
     return setups.SliceSetup(
         mesh,

@@ -50,7 +50,6 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
     states = []
     for setup in (alone, together):
         contact, state = setup.problem.contact, setup.state.contact
-        assert contact is not None and state is not None
         states.append(
             (contact.arrays(state), summary(contact, state, setup.state.generalized_strains))
         )
@@ -71,7 +70,6 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
 def test_checkpoint_gives_the_state_back() -> None:
     setup = cast(MPI.COMM_WORLD, 0.01, method="nitsche", friction=Coulomb(0.2)).advance(0.5, 0.25)
     contact, state = setup.problem.contact, setup.state.contact
-    assert contact is not None and state is not None
     checkpoint = ContactCheckpoint(contact.facets)
     arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in checkpoint.arrays(state).items()}
     back = checkpoint.state(arrays, contact.initial())

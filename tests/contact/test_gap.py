@@ -19,6 +19,7 @@ from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import OPEN
 from castfem.physics.contact.summary import summary
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
+from castfem.physics.mechanics.state import MechanicalState
 from castfem.physics.mechanics.supports import SurfacePressure
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.physics.mould import Mould, RectangleCavity, Taper, same
@@ -38,7 +39,6 @@ def free_half(time: float, large: bool) -> float:
 
 
 def wall_at(time: float) -> float:
-    """Where the wall is, m."""
     return HALF - TAPER * SPEED * time
 
 
@@ -169,12 +169,11 @@ def test_vertices_of_a_billet() -> None:
     assert inside[1] < 4e-3 and inside[1] < inside[0] / 3.5
 
 
-def of_field(setup: SliceSetup, moved: Callable[[Array], Array]) -> Array:
-    """Gap at the vertices of the surface when the nodes have moved by a function of (2, n)."""
+def moved_by(setup: SliceSetup, moved: Callable[[Array], Array]) -> MechanicalState:
+    """The state whose nodes have moved by a function of (2, n)."""
     field = fem.Function(setup.problem.space)
     field.interpolate(lambda x: moved(x[:2]))
-    moves = replace(setup.state, displacement=field.x.array, generalized_strains=np.zeros(4))
-    return SurfaceGap(setup.problem.contact).at(moves)
+    return replace(setup.state, displacement=field.x.array, generalized_strains=np.zeros(4))
 
 
 @pytest.mark.parametrize("large", [False, True])
@@ -196,20 +195,28 @@ def test_shape_that_the_wall_does_not_meet(cell: str, large: bool) -> None:
         return np.stack([-depth * wave - off * (x[0] > 0.0), np.zeros(x.shape[1])])
 
     # At large strain the surface turns as it waves.
-    assert of_field(setup, wavy) == pytest.approx(off, abs=(1e-3 if large else 1e-9) * depth)
+    gap = SurfaceGap(setup.problem.contact).at(moved_by(setup, wavy))
+    assert gap == pytest.approx(off, abs=(1e-3 if large else 1e-9) * depth)
 
 
-def test_sharp_corner_between_two_walls() -> None:
-    """The corner of a rectangle that is off its two walls by different gaps has their mean."""
+def sharp_corner(*off: float) -> tuple[SliceSetup, SurfaceGap, MechanicalState]:
+    """A rectangle between two walls that it is off by so much, right of it and above."""
     mould = Mould(RectangleCavity(0.4, 0.2, 0.0), 0.6, same(Taper.single(0.0, 0.6)))
     setup = SliceSetup(
         mapped(2, 2, box(0.2, 0.1)),
         elastic(),
         given={"interactions": (Contact(mould, ("right", "top")),)},
     )
-    off = np.array([3e-4, 1e-4])
-    gap = of_field(setup, lambda x: -np.broadcast_to(off[:, None], x.shape))
-    x, y = setup.vertices[SurfaceGap(setup.problem.contact).dofs].T
+    moved = moved_by(setup, lambda x: -np.broadcast_to(np.array(off)[:, None], x.shape))
+    return setup, SurfaceGap(setup.problem.contact), moved
+
+
+def test_sharp_corner_between_two_walls() -> None:
+    """The corner of a rectangle that is off its two walls by different gaps has their mean."""
+    off = (3e-4, 1e-4)
+    setup, gaps, moved = sharp_corner(*off)
+    gap = gaps.at(moved)
+    x, y = setup.vertices[gaps.dofs].T
     right, top = np.isclose(x, 0.2), np.isclose(y, 0.1)
     assert gap[right & ~top] == pytest.approx(off[0], rel=1e-9)
     assert gap[top & ~right] == pytest.approx(off[1], rel=1e-9)
@@ -218,17 +225,7 @@ def test_sharp_corner_between_two_walls() -> None:
 
 def test_heat_crosses_both_gaps_of_a_sharp_corner() -> None:
     """Each over its part of the surface, whichever way the section lies; an arc has one gap."""
-    mould = Mould(RectangleCavity(0.4, 0.2, 0.0), 0.6, same(Taper.single(0.0, 0.6)))
-    off = np.array([2e-3, 0.0])
-    setup = SliceSetup(
-        mapped(2, 2, box(0.2, 0.1)),
-        elastic(),
-        given={"interactions": (Contact(mould, ("right", "top")),)},
-    )
-    gaps, space = SurfaceGap(setup.problem.contact), setup.problem.space
-    field = fem.Function(space)
-    field.interpolate(lambda x: -np.broadcast_to(off[:, None], (2, x.shape[1])))
-    moved = replace(setup.state, displacement=field.x.array, generalized_strains=np.zeros(4))
+    setup, gaps, moved = sharp_corner(2e-3, 0.0)
     crossed = gaps.crossed(moved)
     (corner,) = gaps.corners
     assert setup.vertices[corner] == pytest.approx([0.2, 0.1])

@@ -106,7 +106,6 @@ def test_one_load_in_numbers(method: str) -> None:
         slope = (depths[-1] - depths[-2]) / (forces[-1] - forces[-2])
         depths.append(depths[-1] + slope * (load - forces[-1]))
     state = setup.state.contact
-    assert state is not None
     assert state.weight[state.pressure > 0.0].sum() == pytest.approx(half, rel=0.02)
     assert state.pressure.max() == pytest.approx(peak, rel=5e-3)
     # The peak of a parabola through the middle, as above.

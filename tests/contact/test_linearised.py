@@ -35,7 +35,6 @@ def residual(setup: SliceSetup, local: Array) -> tuple[Array, Array]:
     vector.setArray(local)
     problem.residual(vector, vector.duplicate())
     state = problem.residual_state
-    assert state is not None
     stress = ForceOperators(problem).of_stress(problem.response.stress[None])
     return state.forces - stress[0][:, 0], problem.interactions.work_on(np.eye(4))
 
@@ -85,7 +84,6 @@ def test_forces_and_state_change_by_the_chain_rule(method: str, friction: str) -
 def test_a_surface_that_moves_meets_the_wall_as_the_one_that_has_moved() -> None:
     """Gap and normal on a round wall, which the strand faces askew."""
     wall = at_a_round_wall(large=False).problem.contact
-    assert wall is not None
     rng, size = np.random.default_rng(0), 1e-5
     still = np.zeros(wall.strand.gradients.shape[1])
     motion = 1e-4 * rng.standard_normal(len(still))

@@ -39,8 +39,6 @@ class Belt(SurfaceInteraction):
 
 
 class StickingBelt(Interaction):
-    """That belt on a slice."""
-
     name = "belt"
 
     def __init__(self, section: Section, given: Belt, motion: Motion) -> None:

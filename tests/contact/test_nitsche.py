@@ -68,7 +68,6 @@ def least_factor(shape: str, cell: str, poisson: float) -> float:
     """Factor from which a(u, u) + int (K_p u_n - sigma_n(u)) u_n is nowhere negative."""
     setup = block(shape, cell, poisson)
     contact, space = setup.problem.contact, setup.problem.space
-    assert contact is not None
     facets, trial, tangent = contact.facets, ufl.TrialFunction(space), elastic_matrix(setup)
     moved = facets.operator(trial, space).toarray().reshape(facets.count, 2, -1)
     g = facets.operator(ufl.grad(trial), space).toarray().reshape(facets.count, 4, -1)

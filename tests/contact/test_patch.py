@@ -13,7 +13,6 @@ import pytest
 from mechanics.casting import billet_mesh
 from mechanics.setups import SliceSetup, elastic, mapped, skewed
 
-from castfem.base.types import Array
 from castfem.fem.section import Section
 from castfem.physics.contact.facets import LENGTH, Facets, SurfaceMean
 from castfem.physics.contact.settings import Contact
@@ -21,8 +20,8 @@ from castfem.physics.contact.state import OPEN
 from castfem.physics.contact.summary import summary
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.physics.mould import Contour, GapFunction, Straight
-from contact.setups import LineWall, tapered_block
+from castfem.physics.mould import Straight
+from contact.setups import ContourWall, LineWall, tapered_block
 
 METHODS = ("penalty", "nitsche")
 CELLS = ("quadrilateral", "triangle")
@@ -60,7 +59,6 @@ def test_wall_presses_a_block(method: str, cell: str, kind: str) -> None:
     setup.step(2.0)
     setup.step(3.0)
     state, stiffness = setup.state.contact, setup.problem.contact.stiffness
-    assert state is not None
     modulus, depth = MODULI[kind], 3e-6
     spring = stiffness.mean() if method == "penalty" else np.inf
     pressure = depth / (HEIGHT / modulus + 1.0 / spring)
@@ -73,19 +71,9 @@ def test_wall_presses_a_block(method: str, cell: str, kind: str) -> None:
     assert force[1] == pytest.approx(-support[1], rel=1e-8)
 
 
-class PiecedWall:
-    """The line y = 0 in segments that match nothing in the mesh."""
-
-    def __init__(self) -> None:
-        ends = np.array([-0.01, 0.0031, 0.0047, 0.0131, 0.0202, 0.0299, 0.05])
-        pairs = pairwise(ends)
-        self.contour = Contour([Straight((float(a), 0.0), (float(b), 0.0)) for a, b in pairs])
-
-    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
-        return self.contour.gap_function(points, normals)
-
-    def temperature(self, position: float) -> float:
-        return 400.0
+# The line y = 0 in segments that match nothing in the mesh.
+ENDS = (-0.01, 0.0031, 0.0047, 0.0131, 0.0202, 0.0299, 0.05)
+PIECES = [Straight((a, 0.0), (b, 0.0)) for a, b in pairwise(ENDS)]
 
 
 # One method on each of the cells.
@@ -97,7 +85,7 @@ class PiecedWall:
 def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, pieces: bool) -> None:
     """A block is pressed against a wall below by a uniform pressure from above."""
     groups = ("left", "foot", "right", "top")
-    wall = PiecedWall() if pieces else LineWall(lambda z: np.zeros(2), lambda z: np.pi)
+    wall = ContourWall(*PIECES) if pieces else LineWall(lambda z: np.zeros(2), lambda z: np.pi)
     setup = SliceSetup(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=groups),
         elastic(YOUNG, POISSON),
@@ -113,7 +101,6 @@ def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, piec
     )
     setup.step(1.0)
     state = setup.state.contact
-    assert state is not None
     # At large strain the foot has widened, and the top with it; it is thicker, too.
     assert state.pressure == pytest.approx(1e6, rel=1e-8)
     assert setup.stress[:, 1] == pytest.approx(-1e6, rel=1e-8)
@@ -141,7 +128,6 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
     normal = np.array([-np.sin(angle), np.cos(angle)])
     assert found.force == pytest.approx(normal * 1e5 * WIDTH / np.cos(angle), rel=1e-7)
     state = setup.state.contact
-    assert state is not None
     touching = state.weight[state.status != OPEN].sum()
     assert 0.1 * WIDTH < touching < 0.9 * WIDTH
     assert found.share == pytest.approx(touching / WIDTH, rel=1e-12)

@@ -36,7 +36,6 @@ def rolls(*on: str, **given: Any) -> RollSupport:
 
 
 def block(*interactions: Any, size: tuple[float, float] = (0.1, 0.04), **given: Any) -> SliceSetup:
-    """An elastic block on rolls."""
     cells, groups = given.pop("cells", (5, 3)), given.pop("groups", GROUPS)
     kept = {k: given.pop(k) for k in ("springs", "comm") if k in given}
     return SliceSetup(
@@ -77,8 +76,7 @@ def test_pressure_within_that_the_bed_bears_leaves_the_face_at_rest(large: bool)
 def edge(slenderness: float) -> tuple[Array, Array]:
     """A plate held at its left end on a bed whose rest has moved; and the thin plate's answer.
 
-    Args:
-        slenderness: Thickness over the length (4 D/K)^(1/4).
+    `slenderness`: thickness over the length (4 D/K)^(1/4).
     """
     thickness, rest = 0.01, 1e-5
     bending = YOUNG * thickness**3 / 12.0 / (1.0 - POISSON**2)

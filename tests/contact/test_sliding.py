@@ -19,9 +19,9 @@ from castfem.physics.contact.state import SLIP, STICK
 from castfem.physics.contact.summary import summary
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.slice_definition import Ferrostatic
-from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.physics.mechanics.supports import PrescribedDisplacement
 from castfem.physics.mould.wall import GapFunction
-from contact.setups import FOOT, PLANE_STRAIN, LineWall, dragged_block
+from contact.setups import FOOT, PLANE_STRAIN, LineWall, dragged_block, drawn_block
 
 METHODS = ("penalty", "nitsche")
 YOUNG, WIDTH, HEIGHT, PRESSURE = 40e9, 20e-3, 10e-3, 5e6
@@ -32,11 +32,7 @@ P0, MU = 12e6, 0.3
 
 
 class Dashpot:
-    """The block's shear as a spring in series with the friction of its foot, step by step.
-
-    Args:
-        law: Law of friction.
-    """
+    """The block's shear as a spring in series with the friction of its foot, step by step."""
 
     def __init__(self, law: Any) -> None:
         self.law = law
@@ -94,7 +90,6 @@ def test_dragged_and_left_alone(method: str, name: str) -> None:
     for time in STEP * np.arange(1, STEPS + 1):
         setup.step(time)
         state = setup.state.contact
-        assert state is not None
         assert -state.friction[:, 0] == pytest.approx(spring(time), rel=1e-6, abs=1.0)
         assert state.pressure == pytest.approx(PRESSURE, rel=1e-7)
         seen.append(-float(state.friction[0, 0]))
@@ -115,18 +110,8 @@ def moving(stroke: Callable[[float], float], method: str) -> SliceSetup:
         friction=Coulomb(MU),
         stroke=stroke,
     )
-    return SliceSetup(
-        mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
-        elastic(YOUNG, 0.0),
-        given={
-            "planes": PlainPlanes(("a0",)),
-            "held": (PrescribedDisplacement(("left",), 0),),
-            "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
-            "pin": False,
-            "interactions": (contact,),
-        },
-        tolerance=1e-10,
-    )
+    mesh = mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top"))
+    return drawn_block(mesh, contact, PRESSURE, ("a0",))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -197,7 +182,6 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
     for time in np.arange(1, 41) / 8.0:
         setup.step(time)
         state = setup.state.contact
-        assert state is not None
         touching.add(int((state.pressure > 0.0).sum()))
         size, limit = np.hypot(*state.friction.T), law.threshold(state.pressure)[0]
         assert np.all(size <= limit + (1.0 + 1e-9) * law.cap * state.pressure)
@@ -241,7 +225,6 @@ def test_liquid_at_the_wall_does_not_stick(law: Friction) -> None:
     )
     setup.step(1.0)
     state = setup.state.contact
-    assert state is not None
     liquid = state.place[:, 0] > 0.0125
     assert liquid.sum() == 6 and np.all(state.pressure[liquid] > 0.9 * HEAD)
     solid = state.place[:, 0] < 0.01
@@ -306,7 +289,6 @@ def test_block_that_only_friction_holds(method: str, large: bool, angle: float) 
     for time in (0.1, 0.3, 0.6, 1.0):
         assert setup.step(time).newton <= 16
     state = setup.state.contact
-    assert state is not None
     found = summary(setup.problem.contact, state, setup.state.generalized_strains)
     load = state.weight @ state.pressure
     assert np.abs(found.force).max() < 1e-4 * load and found.axial == 0.0

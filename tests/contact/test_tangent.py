@@ -9,7 +9,6 @@ import pytest
 from mechanics.setups import SliceSetup, expansion, mapped, ring, skewed
 from mechanics.test_tangent import jacobians
 
-from castfem.base.types import Array
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
 from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
 from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous
@@ -17,8 +16,8 @@ from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import OPEN, SLIP, STICK
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.slice_definition import Ferrostatic
-from castfem.physics.mould import Circular, Contour, GapFunction
-from contact.setups import TwoWalls
+from castfem.physics.mould import Circular
+from contact.setups import ContourWall, TwoWalls
 
 GROUPS = ("left", "bottom", "right", "top")
 LAW = NortonCreep.constant(Elasticity.constant(200e9, 0.3), 1e-2, 1e8, 3.0)
@@ -123,7 +122,7 @@ def at_a_round_wall(large: bool) -> SliceSetup:
     """A ring within a wall that is one arc."""
     outer = 0.05
     ends = [(outer * np.cos(a), outer * np.sin(a)) for a in (-0.3, 0.5 * np.pi + 0.3)]
-    contact = Contact(RoundWall(Circular(*ends, (0.0, 0.0))), ("right",), lambda t: t, points=4)
+    contact = Contact(ContourWall(Circular(*ends, (0.0, 0.0))), ("right",), lambda t: t, points=4)
     return SliceSetup(
         mapped(1, 5, ring(0.03, outer), order=2, groups=GROUPS),
         LAW,
@@ -140,16 +139,3 @@ def test_jacobian_at_a_round_wall(large: bool) -> None:
     seen = setup.problem.contact.state().status
     assert {OPEN, SLIP} <= set(seen.tolist())
     assert np.abs(exact - found).max() < 5e-6 * np.abs(found).max()
-
-
-class RoundWall:
-    """A wall that is one arc."""
-
-    def __init__(self, arc: Circular) -> None:
-        self.contour = Contour([arc])
-
-    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
-        return self.contour.gap_function(points, normals)
-
-    def temperature(self, position: float) -> float:
-        return 400.0

@@ -123,7 +123,6 @@ def shortened(page: str, words: list[str]) -> tuple[list[str], bool]:
 
 
 def inline(value: object) -> str:
-    """A value in one line of TOML."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {inline(one)}" for key, one in value.items()) + "}"
     if isinstance(value, list):

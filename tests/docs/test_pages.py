@@ -27,7 +27,6 @@ LINK = re.compile(r"(?<!\\)(!?)\[[^\]]*\]\(([^)\s]+)\)")
 
 @cache
 def prose(page: Path) -> str:
-    """A page without its blocks of code."""
     return FENCE.sub("", page.read_text(encoding="utf-8"))
 
 

@@ -210,7 +210,6 @@ def test_missing_userland_names_the_mend(home: Path, tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def probe() -> ModuleType:
     spec = importlib.util.spec_from_file_location("probe", ROOT / "tools/probe.py")
-    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -41,7 +41,6 @@ def tube_mesh(
 
 
 def round_tube(cells: int, comm: MPI.Comm = MPI.COMM_SELF) -> Tube:
-    """A short round one."""
     return Tube(comm, tube_mesh(ROUND, (cells, 3 * cells, 1)))
 
 

@@ -98,7 +98,6 @@ def test_curves_carry_the_history_for_the_pointer(folder: Path, page: str) -> No
 
 def test_the_section_shows_the_fields(folder: Path) -> None:
     (found,) = sections([folder])
-    assert found is not None
     with Fields(folder) as fields:
         cells, last = fields.cells, fields.values("temperature", -1)
     assert len(found.polygons) == len(cells) and len(found.mirrors) == 4
@@ -118,10 +117,8 @@ def test_sections_of_several_runs_have_one_scale_of_colours(folder: Path, tmp_pa
             step["temperature"][...] += 50.0
     (alone,) = sections([folder])
     both = sections([folder, other])
-    assert alone is not None
     low, high = alone.fields[0]["low"], alone.fields[0]["high"]
     for one in both:
-        assert one is not None
         first = one.fields[0]
         assert first["name"] == "temperature" and first["low"] == low
         assert first["high"] == pytest.approx(high + 50.0, rel=1e-5)

@@ -9,6 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from rolls_of_file import rolls_of
+from runs.billet_runs import simulated
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
@@ -18,7 +20,7 @@ from castfem.model.defects import Defect, RollDefect
 from castfem.model.machine_from_case import coupled_pairs, known_resistance
 from castfem.physics.machine.defects import circle, out_of_line, with_radii
 from castfem.physics.machine.extraction.resistance import tributary_lengths
-from castfem.physics.machine.rolls import Pair, Rolls
+from castfem.physics.machine.rolls import Pair
 
 FOLDER = Path(__file__).parents[2] / "cases" / "slab1200"
 TONNE = 9.80665e3  # N
@@ -30,17 +32,8 @@ def slab(*defects: dict[str, Any]) -> Case:
     return REFERENCE.with_({"machine.defect": list(defects)})
 
 
-def rolls_of(case: Case) -> Rolls:
-    assert case.machine is not None
-    found = case.machine.pairs()
-    assert found is not None
-    return found
-
-
 def steps_of(case: Case) -> Array:
-    assert case.machine is not None and case.machine.extraction is not None
     known = known_resistance(case.machine.extraction, case.machine)
-    assert known is not None
     return known.steps / TONNE
 
 
@@ -169,28 +162,20 @@ def test_a_lost_pair() -> None:
 
 def test_no_face_rests_on_a_lost_pair() -> None:
     """The strip between the rolls, and the resistance of a coupled run, go over it."""
-    from mpi4py import MPI
-
-    from castfem.model.build.simulation import build
     from castfem.physics.contact.roll_support import RollSupport
 
     case = load_case(FOLDER / "bulging.toml").with_(
         {"machine.defect": [{"kind": "lost", "roll": 30}], "mesh.core_size": "50 mm"}
     )
-    simulation = build(case, MPI.COMM_SELF)
-    try:
-        assert simulation.mechanics is not None
+    with simulated(case) as simulation:
         (support,) = [
             one
             for one in simulation.mechanics.problem.slice.interactions
             if isinstance(one, RollSupport)
         ]
-    finally:
-        simulation.destroy()
     places = [pair.position for pair in rolls_of(REFERENCE).pairs]
     assert support.knots == (*places[:29], *places[30:])
     table = slab({"kind": "lost", "roll": 30}).machine
-    assert table is not None and table.extraction is not None
     pairs = coupled_pairs(table.extraction, rolls_of(slab({"kind": "lost", "roll": 30})))
     assert pairs.numbers == (*range(29), *range(30, 87))
     lengths = tributary_lengths(pairs.places)
@@ -224,9 +209,7 @@ def test_what_a_makers_curve_becomes() -> None:
 
 def test_a_locked_drive_does_not_draw() -> None:
     case = slab({"kind": "locked", "roll": 50})
-    assert case.machine is not None and case.machine.extraction is not None
     known = known_resistance(case.machine.extraction, case.machine)
-    assert known is not None
     assert known.shares.drive[49] == 0.0 and known.capacities[49] == 0.0
 
 

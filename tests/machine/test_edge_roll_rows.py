@@ -19,7 +19,6 @@ def test_rows_with_a_side_are_rolls_at_the_narrow_faces(tmp_path: Path) -> None:
     plain, sound = case(tmp_path), case(tmp_path, EDGED, f"{HEADER}, side")
     rolls = rolls_of(sound)
     assert rolls.pairs == rolls_of(plain).pairs and rolls_of(plain).edges is None
-    assert rolls.edges is not None
     assert [(p.position, p.diameter) for p in rolls.edges.pairs] == [(1.0, 0.1), (1.3, 0.1)]
     assert [rolls.edges.aperture(i, 1.2) for i in (0, 1)] == [1.2, 1.19]
     assert rolls.place(3).endswith("line 6, roll 4")

@@ -36,7 +36,6 @@ def test_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def run_of(folder: Path, case: Case, **found: float) -> Path:
-    """A run's folder with its case and these results, m."""
     folder.mkdir(exist_ok=True)
     quantities = {name: Quantity(value, "m", name) for name, value in found.items()}
     summary = Summary(
@@ -74,7 +73,6 @@ def test_where_the_strand_is_solid(
     ("change", "said"),
     [
         ({"machine.defect": [{"kind": "lost", "roll": 48}]}, "roll 48 is lost, in the case in ord"),
-
         ({"machine": {"first": "0.9 m", "segment": [
             {"rolls": 9, "pitch": "0.3 m", "diameter": "0.2 m"}]}}, "it has 9 pairs of rolls, the "
          "case 87"),
@@ -104,9 +102,7 @@ def test_drives_of_a_coupled_resistance_are_those_of_a_run(
     from castfem.model.machine_from_case import known_resistance
 
     case = load_case(CASES / "slab1200" / "reference.toml")
-    assert case.machine is not None and case.machine.extraction is not None
     known, pairs = known_resistance(case.machine.extraction, case.machine), case.machine.pairs()
-    assert known is not None and pairs is not None
     at = [pair.position for pair in pairs.pairs[:56]]
     states = [known.after(known.initial(0.0), s, Passing(0.0, 0.0, np.zeros(0))) for s in at]
     rows = [

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rolls_of_file import HEADER, ROWS, SLAB, case, rolls_of, written
+from runs.billet_runs import simulated
 
 from castfem.base.errors import InputError
 from castfem.cli.machine import machine_rows
@@ -19,7 +20,6 @@ from castfem.model.load import load, read_case
 from castfem.model.machine_from_case import build_machine
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.physics.machine.bending_zones import off_stretches, phases
-from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.stations import Stations
 from castfem.post.plots.secondary import close_by
 from castfem.post.report.tables import places_of
@@ -95,18 +95,12 @@ def test_a_case_follows_its_rolls(tmp_path: Path) -> None:
 
 def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
     """Not with the way along the strand, in the slice that a coupled run strains."""
-    from mpi4py import MPI
-
-    from castfem.model.build.simulation import build
-
     bent = SEGMENTS.replace("0.9 m", "0.65 m")
     coarse = [f"mesh.{name}=14 mm" for name in ("surface_size", "corner_size", "core_size")]
     coarse += ["mesh.face_size=14 mm", "casting.length=15 m", "section.symmetry=half"]
     what = load_case(SLAB.parents[1] / "billet125" / "taper_1.toml", [bent, *coarse])
-    simulation = build(what, MPI.COMM_SELF)
-    try:
+    with simulated(what) as simulation:
         machine, steel = simulation.machine, simulation.steel
-        assert simulation.mechanics is not None
         liquid = simulation.mechanics.problem.slice.ferrostatic
         assert liquid is not None
         weight = 9.81 * float(steel.density(steel.liquidus + 1.0))
@@ -118,8 +112,6 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
         assert len(followed) == 3
         for bend in followed:
             assert simulation.control.next_stop(bend / 0.06 - 0.01) == pytest.approx(bend / 0.06)
-    finally:
-        simulation.destroy()
 
 
 @pytest.mark.parametrize(
@@ -128,16 +120,10 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
         (("0.9, 150, 222, x, no,",), HEADER, r"line 3, roll 1: radius_extrados \(x\): "),
         (("0.9, 150",), HEADER, r"line 3: 2 cells, the header has 6; write an empty cell"),
         (("0.9, 0, 222, , no,",), HEADER, r"roll 1: diameter \(0\): must be above 0 mm"),
-
         (("0.9, 150, 222, 8, maybe,",), HEADER, r"roll 1: driven \(maybe\): yes or no"),
-
-
         ((), HEADER, r"has no rolls; it needs a header and one row per pair"),
         (ROWS, HEADER.replace("_extrados", ""), r"line 2: column 'radius': say which face"),
-
-
         (ROWS, HEADER.replace("position [m]", "position"), r"name the unit of the column, pos"),
-
         (("0.9, 8",), "position [m], radius_extrados [m]", r"column 'diameter' is missing"),
     ],
 )  # fmt: skip
@@ -155,10 +141,8 @@ def test_a_file_that_cannot_be_read(
     [
         (0, "0.7, 150, 222, , no,", r"line 3, roll 1: position \(0\.7 m\) lies within the mould, "
          r"which ends at 0\.8 m"),
-
         (1, "1.0, 150, 222, , no,", r"line 4, roll 2: diameter \(150 mm\) overlaps the previous "
          r"roll by 50 mm at the intrados, 100 mm below it"),
-
         (2, "1.5, 200, 223, 8, yes, 1", r"line 5, roll 3: aperture \(223 mm\) grows from 222 mm at "
          r"'.*' line 4, roll 2: .* one of the two is wrong"),
         (2, "1.5, 200, 222, 0.4, yes, 1", r"line 5, roll 3: radius_extrados \(0\.4 m\) is below"),
@@ -176,13 +160,10 @@ def test_rolls_that_cannot_be_there(tmp_path: Path, row: int, text: str, said: s
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-
         ('machine={rolls="none.csv"}', r"rolls: '.*none\.csv': file not found; correct"),
         ("machine={rolls=3}", r"machine\.rolls: the rolls of a machine are a file"),
-
         ('machine={first="1 m", segment=[{rolls=0, pitch="0.3 m", diameter="0.2 m"}]}',
          r"machine\.segment\.0\.rolls: "),
-
         ("machine.roll=3", r"machine\.roll: unknown key.*did you mean rolls"),
     ],
 )  # fmt: skip
@@ -276,16 +257,9 @@ def slab(*off: int, **more: int) -> Case:
     return load("slab1200/reference").with_({"machine.defect": defects} if defects else {})
 
 
-def rolls_in(case: Case) -> Rolls:
-    assert case.machine is not None
-    rolls = case.machine.pairs()
-    assert rolls is not None
-    return rolls
-
-
 @pytest.mark.parametrize("off", [(30,), (5,), (30, 45)])
 def test_the_phases_are_those_of_the_machine(off: tuple[int, ...]) -> None:
-    normal, rolls = rolls_in(slab()), rolls_in(slab(*off))
+    normal, rolls = rolls_of(slab()), rolls_of(slab(*off))
     assert phases(rolls) == phases(normal)
     assert off_stretches(normal) == []
     assert [one.name for one in off_stretches(rolls)] == [f"roll {roll} off" for roll in off]
@@ -293,7 +267,7 @@ def test_the_phases_are_those_of_the_machine(off: tuple[int, ...]) -> None:
 
 
 def test_the_stretch_is_where_the_curvature_is_another_one() -> None:
-    normal, rolls = rolls_in(slab()), rolls_in(slab(30))
+    normal, rolls = rolls_of(slab()), rolls_of(slab(30))
     (stretch,) = off_stretches(rolls)
     first, last = (rolls.pairs[i].position for i in (stretch.first, stretch.last))
     lines = [one.line(THICKNESS) for one in (normal, rolls)]
@@ -305,20 +279,20 @@ def test_the_stretch_is_where_the_curvature_is_another_one() -> None:
 
 
 def test_rolls_whose_stretches_overlap_share_one() -> None:
-    (one,) = off_stretches(rolls_in(slab(30, 32)))
+    (one,) = off_stretches(rolls_of(slab(30, 32)))
     assert (one.name, one.first + 1, one.last + 1) == ("rolls 30, 32 off", 28, 34)
-    one, other = off_stretches(rolls_in(slab(30, 34)))
+    one, other = off_stretches(rolls_of(slab(30, 34)))
     assert one.last == other.first
 
 
 def test_a_lost_pair_beside_it_is_passed_over() -> None:
-    (one,) = off_stretches(rolls_in(slab(30, lost=31)))
+    (one,) = off_stretches(rolls_of(slab(30, lost=31)))
     assert (one.first + 1, one.last + 1) == (28, 33)
 
 
 def test_positions_are_named_by_the_roll_and_kept_with_the_maps() -> None:
     case = slab(30)
-    rolls = rolls_in(case)
+    rolls = rolls_of(case)
     stations = Stations(rolls, THICKNESS, 0.7)
     kept = json.loads(json.dumps(stations.columns()))
     restored = Stations.of_columns(kept, THICKNESS, 0.7)
@@ -336,11 +310,11 @@ def test_places_and_machine_name_it(tmp_path: Path) -> None:
     for name, one in (("order", slab()), ("off", slab(30))):
         (tmp_path / CASE_NAME).write_text(one.resolved_toml())
         named[name] = {p.name: p.position for p in places_of(tmp_path, None, 18.4)}
-    roll = rolls_in(slab(30)).pairs[29].position
+    roll = rolls_of(slab(30)).pairs[29].position
     assert named["off"] == named["order"] | {"roll 30 off": roll}
     assert {"bending ends", "straightening ends"} < set(named["order"])
-    rows = machine_rows(rolls_in(slab(30)), THICKNESS)
+    rows = machine_rows(rolls_of(slab(30)), THICKNESS)
     assert dict(rows)["roll 30 off"].endswith("rolls 28 to 32 bend the strand as well")
     assert [row for row in rows if row[0] != "roll 30 off"][:6] == machine_rows(
-        rolls_in(slab()), THICKNESS
+        rolls_of(slab()), THICKNESS
     )[:6]

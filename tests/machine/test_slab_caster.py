@@ -14,6 +14,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from rolls_of_file import rolls_of
 
 from castfem.base.csv_files import read_csv
 from castfem.model import load_case
@@ -37,9 +38,7 @@ TONNE = 9.80665e3  # N
 @pytest.fixture(scope="module")
 def rolls() -> Rolls:
     case = load_case(FOLDER / "thermal.toml")
-    assert case.machine is not None
-    found = case.machine.pairs()
-    assert found is not None
+    found = rolls_of(case)
     assert thickness_of(case.section) == 0.22
     assert (case.casting.speed, case.section.width) == (0.02, 1.2)
     assert case.mould_exit() == 0.8
@@ -62,7 +61,6 @@ def pitch(rolls: Rolls, number: int) -> float:
 
 def test_the_files_are_those_of_the_script(tmp_path: Path) -> None:
     spec = importlib.util.spec_from_file_location("make_rolls", FOLDER / "make_rolls.py")
-    assert spec is not None and spec.loader is not None
     script: ModuleType = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     script.HERE = tmp_path
@@ -164,7 +162,6 @@ def test_resistance(rolls: Rolls) -> None:
 def effort(extra: float = 0.0) -> list[float]:
     """Load of each drive, t, if every drive takes what came before it, as far as it can."""
     case = load_case(FOLDER / "thermal.toml")
-    assert case.machine is not None
     steps = np.diff(resistance()[1], prepend=0.0)
     steps[47] += extra
     left, loads = 0.0, []
@@ -205,10 +202,8 @@ def test_the_slab_as_the_thesis_follows_it() -> None:
     case = load_case(FOLDER / "slab.toml")
     assert case.machine is not None and not case.machine.defect
     pairs = case.machine.pairs()
-    assert pairs is not None
     assert case.casting.length == pytest.approx(pairs.pairs[61].position, abs=0.01)
     assert case.casting.start is not None and case.casting.start.at == "mould_exit"
-    assert case.mechanics is not None and case.mechanics.bulging is not None
     assert case.mechanics.bulging.model == "creep" and not case.mechanics.held
     assert case.machine.extraction is not None and case.quality is not None
 

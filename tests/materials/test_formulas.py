@@ -16,7 +16,6 @@ ZERO = 273.15
 
 
 def alone(phase: str, carbon: float = 0.0) -> Phases:
-    """A single phase with the given carbon."""
     names = ("liquid", "delta", "gamma")
     one = [np.array(float(name == phase)) for name in names]
     held = [np.array(carbon if name == phase else np.nan) for name in names]

@@ -64,9 +64,6 @@ def changed(old: str, new: str) -> str:
     return SOUND.replace(old, new)
 
 
-# -- shipped sets --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda p: p.stem)
 def test_every_shipped_number_has_source_and_status(path):
     data = tomllib.loads(path.read_text("utf-8"))
@@ -141,9 +138,6 @@ def test_regressions_for_solidus_and_liquidus():
     assert steel.solidus - 273.15 == pytest.approx(1536 - 20 - 11)
 
 
-# -- own files and overrides ---------------------------------------------------------------
-
-
 def test_own_file_with_tables(write):
     steel = load_steel(*write(SOUND))
     assert steel.name == "own"
@@ -199,9 +193,6 @@ def test_override_that_replaces_what_excludes_it():
     changes = {"latent_heat": "260 kJ/kg"}
     steel = load_steel("plain_carbon", composition={"C": 0.2}, overrides=changes)
     assert steel.latent_heat == 260e3 and not steel.has("enthalpy")
-
-
-# -- what goes wrong -----------------------------------------------------------------------
 
 
 def test_unknown_name_is_answered_with_the_nearest():

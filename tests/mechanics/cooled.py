@@ -13,13 +13,6 @@ from castfem.physics.mechanics.stepper import MechanicalStepper
 
 
 class CooledSlice:
-    """Both problems of a section, and the results of the mechanics so far.
-
-    Args:
-        thermal: Where it cools. slice_: How it strains.
-        given: Further arguments of the `MechanicalProblem`.
-    """
-
     def __init__(self, thermal: ThermalSetup, slice_: Slice, **given: Any) -> None:
         self.thermal = thermal
         self.problem = MechanicalProblem(thermal.section, slice_, **given)

@@ -84,14 +84,7 @@ class Shell:
 def shell(
     times: list[float], carbon: float, layer: float = 0.05e-3, mixed: bool = False
 ) -> list[Shell]:
-    """Shells at increasing times.
-
-    Args:
-        times: s.
-        carbon: wt%.
-        layer: Thickness of a layer, m.
-        mixed: Whether both phases bear by their fractions.
-    """
+    """Shells at increasing times, of layers so thick (m); `mixed`: both phases bear together."""
     count = int(2.0 * FRONT * np.sqrt(DIFFUSIVITY * times[-1]) / layer + 0.5)
     depth = layer * (np.arange(count) + 0.5)
     freezing = (depth / (2.0 * FRONT)) ** 2 / DIFFUSIVITY

@@ -61,7 +61,6 @@ def mapped(
 
 
 def box(width: float, height: float, x0: float = 0.0, y0: float = 0.0) -> Map:
-    """Map to a rectangle."""
     return lambda s, t: (x0 + width * s, y0 + height * t)
 
 

@@ -82,7 +82,6 @@ class Block:
 
 
 def elastic(poisson: float = POISSON) -> ThermoElastic:
-    """Hooke's law."""
     return ThermoElastic(Elasticity.constant(YOUNG, poisson))
 
 

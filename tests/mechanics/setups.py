@@ -15,10 +15,12 @@ from castfem.base.types import Array
 from castfem.fem.section import Section
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import ThermoElastic
+from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.slice_definition import Slice
 from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
 from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.supports import SurfacePressure
 
 from .mapped import RING_GROUPS as RING_GROUPS
 from .mapped import Map as Map
@@ -29,7 +31,6 @@ from .mapped import skewed as skewed
 
 
 def elastic(young: float = 200e9, poisson: float = 0.3) -> ThermoElastic:
-    """Hooke's law with constant moduli."""
     return ThermoElastic(Elasticity.constant(young, poisson))
 
 
@@ -59,7 +60,6 @@ class SliceSetup:
     start: float | Callable[[Array, Array], Array] = 0.0
 
     def __post_init__(self) -> None:
-        """Build section, problem and stepper."""
         self.section = Section(self.comm, self.mesh if self.comm.rank == 0 else None)
         slice_ = replace(Slice(self.law, self.thermal), **self.given)
         self.problem = MechanicalProblem(
@@ -109,3 +109,13 @@ class SliceSetup:
         places = self.problem.space.tabulate_dof_coordinates()[:, :2]
         u = self.state.displacement.reshape(-1, 2)
         return np.asarray(u[where(*places.T)])
+
+
+def pressed_tube(
+    cells: tuple[int, int], radii: tuple[float, float], law: Any, pressure: Any, **given: Any
+) -> SliceSetup:
+    """A quarter of a tube under inner pressure (Pa over time), in plane strain if not otherwise."""
+    cell = given.pop("cell", "quadrilateral")
+    mesh = mapped(*cells, ring(*radii), cell, 2, RING_GROUPS)
+    loads = (SurfacePressure(("inner",), pressure),)
+    return SliceSetup(mesh, law, given={"planes": PlainPlanes(()), "loads": loads, **given})

@@ -9,8 +9,18 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
-from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, expansion, mapped, ring, skewed
+from castfem.physics.mechanics.supports import PrescribedDisplacement
+from mechanics.setups import (
+    RING_GROUPS,
+    SliceSetup,
+    box,
+    elastic,
+    expansion,
+    mapped,
+    pressed_tube,
+    ring,
+    skewed,
+)
 from mechanics.weiner_boley import HalfSpace, Strip
 
 pytestmark = pytest.mark.slow
@@ -39,7 +49,6 @@ def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: flo
         mean = points.volume[rows] @ heat[rows] / points.volume[rows].sum()
         # The points of the mean stress see the field less sharply than those of the deviator.
         assert setup.state.generalized_strains[0] == pytest.approx(alpha * mean, rel=1e-9)
-    assert result.balance is not None
     assert result.balance.axial_error < 1e-12
     # The stress along the strand is that of the strain left over, and of the stress in the plane.
     hot = heat[: points.deviator_points]
@@ -90,17 +99,10 @@ def test_thermoelastic_tube(cell: str) -> None:
     assert np.log2(found[0] / found[1]) > (1.0 if cell == "triangle" else 1.7)
 
 
-def cylinder(cells: int, cell: str = "quadrilateral", order: int = 2) -> SliceSetup:
+def cylinder(cells: int, cell: str = "quadrilateral") -> SliceSetup:
     """A thick cylinder under inner pressure, crept until its stress no longer changes."""
     law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, MPA, 5.0)
-    setup = SliceSetup(
-        mapped(cells, cells, ring(0.02, 0.04), cell, order, RING_GROUPS),
-        law,
-        given={
-            "planes": PlainPlanes(()),
-            "loads": (SurfacePressure(("inner",), lambda t: 10 * MPA),),
-        },
-    )
+    setup = pressed_tube((cells, cells), (0.02, 0.04), law, lambda t: 10 * MPA, cell=cell)
     time, dt = 0.0, 1.0
     while time < 1e6:
         time += dt
@@ -162,7 +164,6 @@ def test_creeping_bar_in_bending() -> None:
     )
     for time in np.cumsum(np.geomspace(1e-2, 2e4, 40)):
         result = setup.step(float(time))
-    assert result.balance is not None
     moment = 4 * result.balance.axial[2]
     assert moment == pytest.approx(1.345403e5, rel=2e-3)
     outer = setup.stress[np.argmax(setup.places[:, 1]), 2]
@@ -238,7 +239,6 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
     largest = E * (e0 + k * height / 2)
     assert np.abs(setup.stress[:, 2] - E * (e0 + k * y)).max() < 1e-10 * largest
     assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-10 * largest
-    assert result.balance is not None
     assert result.balance.axial[2] == pytest.approx(E * inertia * k, rel=1e-10)
     # Displacement, but for the rigid motion that the pins choose.
     places = setup.problem.space.tabulate_dof_coordinates()[:, :2]

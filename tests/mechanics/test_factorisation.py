@@ -25,11 +25,8 @@ from castfem.fem.dof_values import matrix_of_nodes
 from castfem.fem.factorisation import OWN, has_minimum_degree
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.hardening_laws import NortonHoff, UnifiedSteel
-from castfem.physics.contact.settings import Contact
 from castfem.physics.mechanics.state import Balance
-from castfem.physics.mechanics.supports import SPRING
-from castfem.physics.mould import Mould, RectangleCavity, Taper, same
-from mechanics.casting import CastSetup, billet_mesh
+from mechanics.casting import CastSetup, billet_mesh, in_its_mould
 from mechanics.setups import RING_GROUPS, SliceSetup, box, expansion, mapped, ring
 
 WITHOUT_PIVOTING = {"ksp_type": "preonly", "pc_type": "lu", **OWN}
@@ -220,17 +217,8 @@ def test_newton_needs_no_more_through_reversals(name: str, monkeypatch: pytest.M
 def billet(whole: bool, cell: str = "quadrilateral", comm: MPI.Comm = MPI.COMM_SELF) -> CastSetup:
     """A billet in its mould; with `whole` every cell takes part in every step."""
     mesh = billet_mesh(cell=cell, surface_size=2e-3, core_size=1.5e-2)
-    cavity = RectangleCavity(0.125, 0.125, 0.0)
-    wall = Mould(cavity, 0.6, same(Taper.single(0.01, 0.6)), None, None)
-    sides = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
-    given: dict[str, Any] = {
-        "interactions": (Contact(wall, sides, lambda time: 0.06 * time),),
-        "springs": SPRING,
-        "liquid": "fed",
-    }
-    made = CastSetup(mesh, comm, **given)
+    made = CastSetup(mesh, comm, liquid="fed", **in_its_mould(mesh))
     liquid = made.problem.liquid
-    assert liquid is not None
     if whole:
         every = np.arange(made.problem.section.cells, dtype=np.int32)
         liquid.cells_to = lambda layer: every  # type: ignore[method-assign]
@@ -269,7 +257,6 @@ def test_ranks_agree() -> None:
         made = billet(False, comm=comm)
         made.advance(1.5, 1.5).advance(3.0, 1.5)
         balance = made.results[-1].balance
-        assert balance is not None
         found.append(np.concatenate([balance.support, balance.axial[1:]]))
     assert np.abs(found[0] - found[1]).max() < 1e-7 * np.abs(found[0]).max()
 

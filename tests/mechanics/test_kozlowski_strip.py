@@ -172,22 +172,14 @@ def refusal(
     path: float = 0.0,
     **u: float,
 ) -> str:
-    """What is said of a square of 4 x 4 cells whose middle, or all of it, is displaced.
+    """What is said of a square of 4 x 4 cells of a temperature (K), its right half of another.
 
-    Args:
-        temperature: Of all of it, K.
-        large: Whether strain is large.
-        generalized_strains: Generalized strains.
-        right: Of its right half, K, if that is another.
-        law: Of the material.
-        path: Viscoplastic strain that it has summed up.
-        u: "middle": the middle node along x, m; "xx", "xy", "yx", "yy": displacement gradients;
-            "half": that is yx of the right half alone.
+    `path` is the viscoplastic strain that it has summed up; of u "middle" is the middle node along
+    x, m, and the others are displacement gradients, "half" that is yx of the right half alone.
     """
     given = {"large_strain": large}
     setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), law, judge=True, given=given)
     problem, judge = setup.problem, setup.stepper._validity
-    assert judge is not None
     x, y = problem.space.tabulate_dof_coordinates()[:, :2].T
     along = u.get("xx", 0.0) * x + u.get("xy", 0.0) * y
     moved = np.column_stack([along, u.get("yx", 0.0) * x + u.get("yy", 0.0) * y])
@@ -278,7 +270,6 @@ def test_strain_that_is_borne() -> None:
         else:
             stress[:, component] = value * 3.0 * 1e10 / 2.6
         judge = setup.stepper._validity
-        assert judge is not None
         temperature = np.full(setup.problem.points.count, COLD)
         state = replace(setup.state, stress=stress)
         assert told in judge.refusal(state, temperature)

@@ -23,7 +23,7 @@ from castfem.physics.mechanics.newton import LineSearch, step_share
 from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.physics.mould.wall import PlaneWall
-from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, expansion, mapped, ring
+from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, pressed_tube
 
 CREEP = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-3, 1e7, 5.0)
 
@@ -235,7 +235,6 @@ def test_moving_supports() -> None:
     assert setup.stress[:, 0] == pytest.approx(2e7, rel=1e-7)
     assert np.abs(setup.stress[:, [1, 2, 3]]).max() < 1.0
     assert result.newton < 10
-    assert result.balance is not None
     assert result.balance.forces_error < 1e-8
 
 
@@ -244,14 +243,7 @@ def test_collapse_of_a_tube_is_reached_and_not_passed() -> None:
     flow, a, b = 2e7, 0.02, 0.04
     limit = 2 / np.sqrt(3) * flow * np.log(b / a)
     law = PerfectlyPlastic(Elasticity.constant(20e9, 0.3), Constant(flow))
-    setup = SliceSetup(
-        mapped(8, 8, ring(a, b), "quadrilateral", 2, RING_GROUPS),
-        law,
-        given={
-            "planes": PlainPlanes(()),
-            "loads": (SurfacePressure(("inner",), lambda t: t * limit),),
-        },
-    )
+    setup = pressed_tube((8, 8), (a, b), law, lambda t: t * limit)
     for share in (0.5, 0.8, 0.9, 0.96, 0.985, 0.995):
         setup.step(share)
     beyond = setup.stepper.step(setup.state, 1.01, setup.state.temperature)
@@ -263,15 +255,8 @@ def test_a_correction_beyond_the_section_ends_a_solve_at_large_strain() -> None:
     """A tube without stiffness against its pressure: Newton's way leads out of all proportion."""
     ends = []
     for large in (True, False):
-        setup = SliceSetup(
-            mapped(4, 4, ring(0.02, 0.04), "quadrilateral", 2, RING_GROUPS),
-            elastic(1e3, 0.3),
-            given={
-                "planes": PlainPlanes(()),
-                "loads": (SurfacePressure(("inner",), lambda t: 500.0 * t),),
-                "large_strain": large,
-            },
-        )
+        law, pressure = elastic(1e3, 0.3), lambda t: 500.0 * t
+        setup = pressed_tube((4, 4), (0.02, 0.04), law, pressure, large_strain=large)
         problem = setup.problem
         assert problem.farthest == np.inf  # equations that are solved as they are written
         MechanicalStepper(problem)

@@ -75,7 +75,6 @@ def test_held_sections_expand_freely(name: str, large: bool, springs: bool) -> N
     assert result.newton <= 3
     whole = YOUNG * ALPHA * 100.0
     assert np.abs(setup.stress).max() < 1e-7 * whole
-    assert result.balance is not None
     assert np.abs(result.balance.support).max() < 1e-7 * whole * HEIGHT
     places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     expected = (places - middle.get(name, (0.0, 0.0))) * ALPHA * 100.0
@@ -96,7 +95,6 @@ def test_springs_are_weak_and_their_force_is_reported() -> None:
     setup = pushed(1.0)
     for step in (1.0, 2.0):
         result = setup.step(step)
-        assert result.balance is not None
         assert result.balance.support == pytest.approx([0.0, -1.0], abs=1e-6)
         assert result.balance.forces_error < 1e-6
         moved = setup.state.displacement.reshape(-1, 2)
@@ -147,7 +145,6 @@ def test_a_whole_round_does_not_turn_in_its_mould() -> None:
 
     pinned, sprung = (cast(springs) for springs in (None, SPRING))
     wall_contact = sprung.problem.contact
-    assert wall_contact is not None and wall_contact.now is not None
     assert wall_contact.now.pressure.max() > 1e4
     assert [r.newton for r in sprung.results] == [r.newton for r in pinned.results]
     size = np.abs(pinned.moved).max()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from mpi4py import MPI
 
@@ -15,12 +14,10 @@ from castfem.fem.section import Cellwise
 from castfem.physics.constitutive.base import rotation
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep
-from castfem.physics.contact.settings import Contact
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
-from castfem.physics.mechanics.supports import SPRING, PrescribedDisplacement, SurfacePressure
-from castfem.physics.mould import Mould, RectangleCavity, Taper, same
-from mechanics.casting import CastSetup, billet_mesh
-from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, mapped, ring, skewed
+from castfem.physics.mechanics.supports import PrescribedDisplacement
+from mechanics.casting import CastSetup, billet_mesh, in_its_mould
+from mechanics.setups import SliceSetup, box, elastic, mapped, pressed_tube, skewed
 
 SIZES = {"width": 0.1, "height": 0.08, "surface_size": 2e-3, "core_size": 1e-2}
 
@@ -62,7 +59,6 @@ def test_whole_half_and_quarter_agree(radius: float, cell: str) -> None:
         worst = max(float(np.abs(others[k] - quarter[k]).max()) for k in quarter)
         assert worst < tolerance
         balance = setup.results[-1].balance
-        assert balance is not None
         if name == "whole":
             pressure = setup.state.pressure.max() * 0.1
             assert np.abs(balance.support).max() < 1e-6 * pressure
@@ -86,7 +82,6 @@ def test_supports_of_a_quarter_carry_the_pressure() -> None:
     """On each line of symmetry what the stress and the pressure leave: nothing in all."""
     setup = CastSetup(billet_mesh()).advance(1.0, 0.25)
     balance = setup.results[-1].balance
-    assert balance is not None
     pressure = setup.state.pressure.max()
     assert np.abs(balance.support).max() < 1e-6 * pressure * 0.0625
     assert abs(balance.axial[0]) < 1e-6 * pressure * 0.0625**2
@@ -106,16 +101,8 @@ def cooled(
     comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool, until: float = 2.0
 ) -> CastSetup:
     mesh = billet_mesh(symmetry, cell=cell, surface_size=4e-3, core_size=1.5e-2)
-    given: dict[str, Any] = {"large_strain": large}
-    if mould:
-        cavity = RectangleCavity(0.125, 0.125, 0.0)
-        wall = Mould(cavity, 0.6, same(Taper.single(0.01, 0.6)), None, None)
-        sides = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
-        given |= {
-            "interactions": (Contact(wall, sides, lambda time: 0.06 * time),),
-            "springs": SPRING,
-        }
-    return CastSetup(mesh, comm, **given).advance(until, 0.5)
+    given = in_its_mould(mesh) if mould else {}
+    return CastSetup(mesh, comm, large_strain=large, **given).advance(until, 0.5)
 
 
 def gathered(setup: CastSetup) -> list[np.ndarray] | None:
@@ -146,7 +133,6 @@ def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool, m
     )
     assert [r.newton for r in together.results] == [r.newton for r in alone.results]
     first, second = alone.results[-1].balance, together.results[-1].balance
-    assert first is not None and second is not None
     scale = alone.problem.residual_state.scale.total if alone.problem.residual_state else 1.0
     assert np.abs(first.axial - second.axial).max() < 1e-8 * scale
     assert together.results[-1].flowing == pytest.approx(alone.results[-1].flowing, rel=1e-6)
@@ -297,7 +283,6 @@ def test_tension_at_constant_true_strain_rate(axial: bool) -> None:
     volume = np.exp(elastic_part * (1 - 2 * NU))
     thin = np.sqrt(volume / np.exp(end))
     if axial:
-        assert result.balance is not None
         area = 0.01 * 0.02 * thin**2
         assert result.balance.axial[0] == pytest.approx(flow * area, rel=1e-4)
         tip = setup.displacement(lambda x, y: np.isclose(x, 0.01) & np.isclose(y, 0.02))[0]
@@ -326,14 +311,9 @@ def test_small_motion_is_that_of_small_strain() -> None:
     """Both formulations agree to first order in the strain."""
 
     def tube(large: bool, pressure: float) -> Array:
-        setup = SliceSetup(
-            mapped(3, 3, ring(0.02, 0.03), "quadrilateral", 2, RING_GROUPS),
-            elastic(E, NU),
-            given={
-                "large_strain": large,
-                "loads": (SurfacePressure(("inner",), lambda t: pressure * t),),
-            },
-        )
+        given = {"planes": PlainPlanes(), "large_strain": large}
+        rise = lambda t: pressure * t  # noqa: E731
+        setup = pressed_tube((3, 3), (0.02, 0.03), elastic(E, NU), rise, **given)
         setup.step(1.0)
         return setup.state.displacement / pressure
 
@@ -348,15 +328,8 @@ def test_small_motion_is_that_of_small_strain() -> None:
 def test_tube_growing_under_pressure() -> None:
     """A crept thin tube at twice its radius: hoop stress p r / t of the tube as it is then."""
     pressure, law = 2e5, NortonCreep.constant(Elasticity.constant(20e9, NU), 1e-9, 1e6, 3.0)
-    setup = SliceSetup(
-        mapped(1, 6, ring(0.0495, 0.0505), "quadrilateral", 2, RING_GROUPS),
-        law,
-        given={
-            "large_strain": True,
-            "planes": PlainPlanes(()),
-            "loads": (SurfacePressure(("inner",), lambda t: min(t, 1.0) * pressure),),
-        },
-    )
+    rise = lambda t: min(t, 1.0) * pressure  # noqa: E731
+    setup = pressed_tube((1, 6), (0.0495, 0.0505), law, rise, large_strain=True)
     time, radius, speed = 0.0, 0.0495, 0.0
     while radius < 0.075:
         dt = 1.0 if time == 0.0 else 0.02 * radius / speed

@@ -165,14 +165,12 @@ def test_forces_and_work_are_those_of_the_forms(cell: str, order: int, outside: 
     setup = pressed(cell, order, outside)
     heat = evaluated(setup)
     problem, state = setup.problem, setup.problem.residual_state
-    assert state is not None
     operators = ForceOperators(problem)
     nodal, work = operators.of_stress(problem.response.stress[None])
     inside, on_planes = operators.of_pressure(problem.pressure[:, None])
     nodal, work = nodal[:, 0] + inside[:, 0], work[:, 0] + on_planes[:, 0]
     if outside == "held":
         liquid = problem.slice.ferrostatic
-        assert liquid is not None
         vertices = liquid.pressure(heat, 1.0)
         nodal += operators.of_held_liquid(vertices[:, None])[:, 0]
     assert np.abs(state.forces).max() > 1.0

@@ -26,10 +26,7 @@ POURED = 1495.0  # degC
 class Strip(CooledSlice):
     """A strip one cell wide, thermal first; it may strain uniformly along y and z.
 
-    Args:
-        size: Of the cells, m. ratio: Stiffness of the liquid. cell: Kind. law: By name.
-        carbon: wt%, for laws that go by it. length: Of the strip, m.
-        given: Changes to the `Slice`.
+    `ratio` is the stiffness of the liquid; `given` changes the `Slice`.
     """
 
     def __init__(

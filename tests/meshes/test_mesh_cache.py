@@ -18,13 +18,10 @@ from .sections import BEAM, ROUNDED, SLAB, STRIP
 
 
 class Counting:
-    """A builder that counts its calls."""
-
     def __init__(self) -> None:
         self.calls = 0
 
     def __call__(self, **parameters: Any) -> SectionMesh:
-        """Build as `build`."""
         self.calls += 1
         return build(**parameters)
 

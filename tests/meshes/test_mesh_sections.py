@@ -20,7 +20,6 @@ _built: dict[str, SectionMesh] = {}
 
 
 def built(**parameters: Any) -> SectionMesh:
-    """Build a mesh once for all tests."""
     return _built.setdefault(repr(sorted(parameters.items())), build(**parameters))
 
 

@@ -397,7 +397,6 @@ def test_a_resolved_case_says_no_more_than_the_case(
 ) -> None:
     """It names every key with its default, which nobody has asked for."""
     written = read_case(case, changes)
-    assert written.case is not None
     (tmp_path / "case.toml").write_text(written.case.resolved_toml(), encoding="utf-8")
     again = read_case(tmp_path / "case.toml")
     assert len(again.warnings) == len(written.warnings)

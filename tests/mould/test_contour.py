@@ -178,7 +178,6 @@ UP = (0.0, 1.0)
 
 
 def reach(segment, point, normal):
-    """Gap and wall normal of one point."""
     normal = np.array([normal], dtype=float) / np.hypot(*normal)
     found = Contour([segment]).gap_function(np.array([point], dtype=float), normal)
     return float(found.gap[0]), found.normal[0]

@@ -143,8 +143,6 @@ def test_case_takes_it_and_is_the_same_when_read_again(write, tmp_path: Path) ->
 WRONG = {
     "head": ("way [mm], x [mm]\n0, 0\n", r"line 1: a header and rows are needed: position \[mm\]"),
     "text": ("position [mm], way [mm], x [mm], y [mm]\n0, 0, a, 0\n", r"line 2: x \(a\): "),
-
-
     "twice": (
         "position [mm], way [mm], x [mm], y [mm]\n"
         + "".join(f"{z}, {s}, 0, 0\n" for z in (0, 1) for s in (0, 9, 9 if z else 18)),
@@ -154,8 +152,6 @@ WRONG = {
         "position [mm], way [mm], x [mm], y [mm]\n0, 0, 0, 0\n0, 9, 0, 0\n1, 0, 0, 0\n",
         "3 rows do not make 2 positions of 2 places",
     ),
-
-
     "corner": (
         "position [mm], way [mm], x [mm], y [mm]\n"
         + "".join(f"{z}, {s}, 0, 0\n" for z in (0, 600) for s in (0, 61.427, 122.854)),

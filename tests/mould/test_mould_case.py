@@ -199,75 +199,39 @@ def test_friction_laws_as_contact_computes_them(write):
 
 # lines of [mould], the dotted key, words of the message
 MISTAKES = {
-    "no unit": ('taper = "1"', "mould.taper", ['("1")', "needs its unit", '"1 %/m"']),
-    "no divisor": ('taper = "2 %"', "mould.taper", ['("2 %")', "did you mean %/m?"]),
-    "a slope": (
-        'taper = "1.8 mm/m"',
-        "mould.taper",
-        ["percent of the section's size per metre: 1.8 mm/m is 1 %/m of a section of 180 mm"],
-    ),
-    "slip": ('taper = "1 %/mm"', "mould.taper", ["is 1000 %/m", "at most 50 %/m"]),
-    "half a parabola": ('taper = { top = "1 %/m" }', "mould.taper", ["'exit' is missing"]),
-    "unknown key": ('taper = { tap = "1 %/m" }', "mould.taper", ["'tap'", "did you mean top?"]),
-    "faulty part": (
-        'taper = { corner = { top = "1", exit = "0 %/m" } }',
-        "mould.taper",
-        ["corner: top:", "needs its unit"],
-    ),
-    "order": (
-        'taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "200 mm", taper = "2 %/m" }]',
-        "mould.taper",
-        ["segment 2", "'to' (200 mm)", "beyond the end of the previous segment (300 mm)"],
-    ),
-    "open end": (
-        'taper = [{ taper = "1 %/m" }, { taper = "2 %/m" }]',
-        "mould.taper",
-        ["segment 1", "only the last segment may leave it out"],
-    ),
-    "too short": (
-        'taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "500 mm", taper = "2 %/m" }]',
-        "mould.taper",
-        ["ends 500 mm below", "the mould 600 mm", "leave out its 'to'"],
-    ),
-    "closing": (
-        'taper = { position = ["0 mm", "1 mm"], value = ["0 mm", "70 mm"] }',
-        "mould.taper",
-        ["the mould closes", "-15 x -15 mm"],
-    ),
-    "tight": ('width = "120 mm"', "mould.width", ["(120 mm)", "has 125 mm", "at least that"]),
-    "rounder": ('corner_radius = "7 mm"', "mould.corner_radius", ["has 5 mm", "at most that"]),
-    "other shape": (
-        'diameter = "125 mm"',
-        "mould.diameter",
-        ['shape "rectangle"', "allowed: width, height, corner_radius"],
-    ),
-    "cold, how hot": (
-        'condition = "cold"',
-        "mould.wall_temperature",
-        ["needs its temperature at work", '"160 degC"'],
-    ),
-    "rows": (
-        'wall_temperature = { position = [0, 1], value = [1, 2], unit = "degC" }',
-        "mould.wall_temperature",
-        ['position_unit = "mm"'],
-    ),
-    "method": ('contact = "penalti"', "mould.contact", ["penalty or nitsche", "mean penalty?"]),
-    "no coefficient": (
-        'friction = { law = "coulomb" }',
-        "mould.friction.coefficient",
-        ["is missing", "friction stress over pressure"],
-    ),
-    "no limit": (
-        'friction = { law = "viscous", stress = "1 kPa", speed = "1 m/s", coefficient = 0.1 }',
-        "mould.friction",
-        ["a threshold needs", "yield_stress"],
-    ),
-    "never reached": (
-        'friction = { law = "viscous", stress = "6 MPa", speed = "1 m/s", yield_stress = "9 MPa" }',
-        "mould.friction.stress",
-        ["(6 MPa)", "yield_stress / sqrt(3), 5.196 MPa", "raise yield_stress"],
-    ),
-}
+    "no unit": ('taper = "1"', "taper", ['("1")', "needs its unit", '"1 %/m"']),
+    "no divisor": ('taper = "2 %"', "taper", ['("2 %")', "did you mean %/m?"]),
+    "a slope": ('taper = "1.8 mm/m"', "taper", ["1.8 mm/m is 1 %/m of a section of 180 mm"]),
+    "slip": ('taper = "1 %/mm"', "taper", ["is 1000 %/m", "at most 50 %/m"]),
+    "half a parabola": ('taper = { top = "1 %/m" }', "taper", ["'exit' is missing"]),
+    "unknown key": ('taper = { tap = "1 %/m" }', "taper", ["'tap'", "did you mean top?"]),
+    "faulty part": ('taper = { corner = { top = "1", exit = "0 %/m" } }', "taper",
+        ["corner: top:", "needs its unit"]),
+    "order": ('taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "200 mm", taper = "2 %/m" }]',
+        "taper", ["segment 2", "'to' (200 mm)", "beyond the end of the previous segment (300 mm)"]),
+    "open end": ('taper = [{ taper = "1 %/m" }, { taper = "2 %/m" }]', "taper",
+        ["segment 1", "only the last segment may"]),
+    "short": ('taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "500 mm", taper = "2 %/m" }]',
+        "taper", ["ends 500 mm below", "the mould 600 mm", "leave out its 'to'"]),
+    "closing": ('taper = { position = ["0 mm", "1 mm"], value = ["0 mm", "70 mm"] }', "taper",
+        ["the mould closes", "-15 x -15 mm"]),
+    "tight": ('width = "120 mm"', "width", ["(120 mm)", "has 125 mm", "at least that"]),
+    "rounder": ('corner_radius = "7 mm"', "corner_radius", ["has 5 mm", "at most that"]),
+    "other shape": ('diameter = "125 mm"', "diameter",
+        ['shape "rectangle"', "allowed: width, height, corner_radius"]),
+    "cold, how hot": ('condition = "cold"', "wall_temperature",
+        ["needs its temperature at work", '"160 degC"']),
+    "rows": ('wall_temperature = { position = [0, 1], value = [1, 2], unit = "degC" }',
+        "wall_temperature", ['position_unit = "mm"']),
+    "method": ('contact = "penalti"', "contact", ["penalty or nitsche", "mean penalty?"]),
+    "no coefficient": ('friction = { law = "coulomb" }', "friction.coefficient",
+        ["is missing", "friction stress over pressure"]),
+    "no limit": ('friction = { law = "viscous", stress = "1 kPa", speed = "1 m/s", '
+        "coefficient = 0.1 }", "friction", ["a threshold needs", "yield_stress"]),
+    "never reached": ('friction = { law = "viscous", stress = "6 MPa", speed = "1 m/s", '
+        'yield_stress = "9 MPa" }', "friction.stress",
+        ["(6 MPa)", "yield_stress / sqrt(3), 5.196 MPa", "raise yield_stress"]),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("lines", "key", "words"), MISTAKES.values(), ids=MISTAKES)
@@ -276,7 +240,7 @@ def test_mistakes_are_told_in_one_line(lines, key, words, write):
     with pytest.raises(InputError) as caught:
         load_case(path)
     (line,) = caught.value.problems
-    assert line.startswith(f"{path}: {key}: ")
+    assert line.startswith(f"{path}: mould.{key}: ")
     for word in words:
         assert word in line
 

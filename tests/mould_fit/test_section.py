@@ -344,12 +344,10 @@ def test_they_agree_after_a_few_turns(turns: list[Turn]) -> None:
 def test_strand_meets_the_hot_wall_at_last(turns: list[Turn]) -> None:
     """Its last run had the wall and the wall temperature of the turn before."""
     last, before = turns[-1].strand, turns[-2].wall
-    assert last is not None
     hot = last.flux[-1]
     coefficient = 1600.0
     # Where the wall is colder than 160 degC more heat goes: mid-face, in contact.
     first = turns[0].strand
-    assert first is not None
     wall = float(np.interp(last.positions[-1], *before.profile()))
     change = hot[0] / first.flux[-1][0] - 1.0
     assert np.sign(change) == np.sign(433.15 - wall)

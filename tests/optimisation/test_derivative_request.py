@@ -73,7 +73,6 @@ def test_shares_of_ranges(tmp_path: Path) -> None:
     outputs = Responses(one.problem, one._runs, one.run)
     outputs.fetch([middle])
     found = outputs.slopes(middle)
-    assert found is not None
     assert found.shape == (1, 3)
     at = np.array([*middle.values, *middle.inputs])
     for i, width in enumerate(ranges):
@@ -172,7 +171,6 @@ def test_a_spread_by_derivatives(tmp_path: Path, carries: bool) -> None:
             one.tell(run, given(run))
             drawn |= {run.inputs} if run.inputs else set()
     found = one.result()
-    assert found.spread is not None
     assert found.spread.derivatives == carries
     assert found.spread.runs == len(drawn) == (12 if carries else 16)
     ends = 0.09 - np.sqrt(8.0 * 0.06 * 0.03 * 0.05)  # 5 and 95 % of 0.06 a + 0.03 b

@@ -41,7 +41,6 @@ def test_largest_value():
     table = {"minimise": [], "maximise": STRESS}
     found = solve(study(**table), lambda w: {STRESS: -bowl(w)[STRESS]})
     assert found.values[0].value == pytest.approx(3.3, abs=0.01)
-    assert found.objective is not None
     assert found.objective.value == pytest.approx(-10.0, abs=1e-3)
     assert all(step.objective < 0.0 for step in found.neighbours)
 
@@ -67,7 +66,6 @@ def test_two_variables_that_trade_off():
         return {STRESS: stress, HEAT: 1e6 * (a + 0.01 * b + 1.1)}
 
     found = solve(study(SPEED, SUPERHEAT, constraints=["heat_removed >= 2 MJ/m"]), given)
-    assert found.objective is not None
     assert found.objective.value == pytest.approx(11.6179, abs=2e-3)
     assert covered(found, 3.9046, 29.536)
     assert found.constraints[0].binding
@@ -187,7 +185,6 @@ def test_noise(size: float):
         return {**bowl(wanted), STRESS: bowl(wanted)[STRESS] + size * scatter}
 
     found = solve(study(), given)
-    assert found.objective is not None
     assert found.objective.noise == pytest.approx(size, rel=0.7)
     assert covered(found, 3.3)
     assert found.step > solve(study(), bowl).step or size < 0.1
@@ -208,7 +205,6 @@ def test_nothing_but_noise():
 def test_an_objective_of_steps():
     """Without a slope, or with one that is no help: a place on the lowest step."""
     found = solve(study(), lambda w: {STRESS: 5.0 + 2.0 * np.floor(abs(w.values[0] - 3.3) / 0.25)})
-    assert found.objective is not None
     assert found.objective.value == pytest.approx(5.0)
     assert covered(found, 3.3)
 
@@ -224,7 +220,6 @@ def test_constraints_that_cannot_be_met():
     found = solve(study(constraints=asked), given)
     assert found.status == "impossible"
     assert found.values[0].value == pytest.approx(4.2, abs=0.05)
-    assert found.worst is not None
     assert found.worst.text == asked[0]
     assert found.worst.left == pytest.approx(-4e6, rel=1e-3)
     first = next(iter(report(found)))
@@ -267,7 +262,6 @@ def test_noise_about_the_best_run():
 
     start = {**SPEED, "start": "4.5 m/min"}
     blind, seen = solve(study(start), given(0)), solve(study(start), given(2))
-    assert blind.objective is not None and seen.objective is not None
     assert blind.objective.noise < 1e-4
     assert 0.005 < seen.objective.noise < 0.05
     widths = [found.values[0].high - found.values[0].low for found in (blind, seen)]
@@ -289,7 +283,6 @@ def test_a_search_by_temperature_alone():
     here = {word: 10.0 + 2.0 * by**2 + by for word, by in moved.items()}
     own = error({word: here[word] for word in LEVELS}, "fine")
     assert own > 0.0
-    assert found.objective is not None
     assert found.objective.numerical == pytest.approx(here["fine"] - 10.0 + own, rel=0.02)
     assert value.low <= 3.3 and (value.open_high or value.high >= 3.55)
 

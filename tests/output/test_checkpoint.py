@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -20,11 +19,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from rich.console import Console
+from synthetic_run import printed
 
 import castfem
 from castfem.base.errors import InputError, RunFailure
-from castfem.post.report.show import show
 from castfem.runs.output import checkpoint
 from castfem.runs.output.checkpoint import load_checkpoint, save_checkpoint
 from castfem.runs.output.run_record import RunRecord
@@ -195,9 +193,8 @@ def run(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def test_it_opens(run: Path) -> None:
-    text = io.StringIO()
-    show(run, Console(file=text, width=120))
-    assert "stopped by the user" in text.getvalue() and "shell" in text.getvalue()
+    text = printed(run, 120)
+    assert "stopped by the user" in text and "shell" in text
     assert "time loop" in RunRecord.load(run).wall_time
     result = castfem.Result(run)
     if run.name == "taper_1":

@@ -112,7 +112,6 @@ time.sleep(20)
 def test_a_killed_run_gives_the_folder_back_and_is_seen_as_interrupted(tmp_path):
     command = [sys.executable, "-c", HOLDER, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
         process.stdout.readline()
         try:
             assert OutputFolder(tmp_path).is_running()

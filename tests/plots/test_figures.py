@@ -106,7 +106,6 @@ def test_long_strands_are_shown_in_metres_with_their_zones(finished_run):
     time = table["time"].to_numpy()
     zones = (Zone("mould", 0.0, 0.9), Zone("spray", 0.9, 5.0), Zone("beyond", 30.0, 40.0))
     figure = draw_heat(table, Abscissa(time, 2.0 * time, zones), None)
-    assert figure is not None
     assert [a.get_xlabel() for a in figure.axes].count("position below the meniscus [m]") == 1
     texts = {t.get_text() for a in figure.axes[0].child_axes for t in a.texts}
     assert texts == {"mould", "spray"}
@@ -123,7 +122,6 @@ def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finishe
     removed.attrs["units"] = units
     abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
     figure = draw_heat(removed, abscissa, None)
-    assert figure is not None
     (panel,) = [a for a in figure.axes if a.get_ylabel() == "heat leaving\nthe strand [kW/m]"]
     assert np.allclose(panel.lines[0].get_ydata(), 500.0)
 
@@ -194,7 +192,6 @@ def test_the_axis_is_that_of_the_shell() -> None:
     table = pandas.DataFrame({"position": position, "shell_narrow_face": shell})
     table.attrs["units"] = {"position": "m", "shell_narrow_face": "mm"}
     figure = draw_shell(table, Abscissa(60 * position, position, ()), None)
-    assert figure is not None
     assert 80.0 < figure.axes[0].get_ylim()[1] < 100.0
 
 

@@ -129,7 +129,6 @@ def test_section_figures_show_the_modelled_part_with_its_factor(tmp_path, part):
     write_strained(tmp_path, part=part)
     with Fields(tmp_path) as fields:
         for figure in (draw_von_mises(fields, STEEL), draw_shape(fields, STEEL)):
-            assert figure is not None
             labels = {text.get_text() for text in figure.legends[0].get_texts()}
             factor = 2 if part == "quarter" else 5
             assert {"at the meniscus", f"displacement × {factor}", "solidus"} <= labels
@@ -151,7 +150,6 @@ def test_what_is_soft_is_grey_and_stress_there_leaves_the_scale_alone(tmp_path):
         writer.write(10.0, 0.6, now)
     with Fields(run) as fields:
         figure = draw_von_mises(fields, STEEL)
-        assert figure is not None
         bar = next(a for a in figure.axes[0].child_axes if "MPa" in a.get_ylabel())
         assert bar.get_ylim() == pytest.approx((0.0, 3.0))
         assert np.allclose(colour_at(figure, 10.0, 10.0), to_rgb(SOFT[1]), atol=0.01)
@@ -173,7 +171,6 @@ def test_a_displacement_that_rounds_to_nothing_has_no_sign(tmp_path):
         writer.write(10.0, 0.6, {"temperature": kelvin, "von_mises": kelvin, "displacement": moved})
     with Fields(run) as fields:
         figure = draw_shape(fields, STEEL)
-        assert figure is not None
         assert {text.get_text() for text in figure.axes[0].texts} == {"0.00 mm"}
 
 
@@ -309,7 +306,6 @@ def in_mould(folder, last: float = 10.0):
 def test_the_wall_of_the_mould_is_drawn_round_the_modelled_part(tmp_path):
     with Fields(in_mould(tmp_path / "open")) as fields:
         wall = WallLine.of(fields, -1)
-        assert wall is not None
         known = np.isfinite(wall.start).all(axis=1)
         assert wall.start[known].min() >= -1e-9
         assert wall.start[known].max() == pytest.approx(HALF)

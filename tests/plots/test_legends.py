@@ -47,7 +47,6 @@ def test_a_legend_hides_no_curve(name: str, label: str) -> None:
     place_legend(panel)
     figure.canvas.draw()
     legend = panel.get_legend()
-    assert legend is not None
     box, around = legend.get_window_extent(), panel.get_window_extent()
     assert box.x0 >= around.x0 and box.x1 <= around.x1 and box.y1 <= around.y1
     for line in panel.lines:
@@ -72,7 +71,6 @@ def test_the_band_of_the_cells_is_that_of_the_solidus_alone() -> None:
     }
     abscissa = Abscissa(10.0 * X, X)
     figure = draw_shell(_table(columns), abscissa, None)
-    assert figure is not None
     (band,) = figure.axes[0].collections
     corners = band.get_paths()[0].vertices
     at_end = corners[np.isclose(corners[:, 0], 1e3), 1]
@@ -93,7 +91,6 @@ def test_friction_is_drawn_of_the_whole_strand_and_pressure_as_a_mean() -> None:
     }
     abscissa = Abscissa(10.0 * X, X)
     figure = draw_contact(_table(columns), abscissa, None)
-    assert figure is not None
     pressure, share, friction = figure.axes
     assert [line.get_label() for line in pressure.lines] == [
         "corner",
@@ -105,7 +102,6 @@ def test_friction_is_drawn_of_the_whole_strand_and_pressure_as_a_mean() -> None:
     assert np.nanmax(friction.lines[0].get_ydata()) == 4.0
     older = _table({"contact_share": ("-", 1.0 - 0.01 * X), "friction_force": ("kN/m", -X)})
     figure = draw_contact(older, abscissa, None)
-    assert figure is not None
     share, friction = figure.axes
     assert np.nanmin(share.lines[0].get_ydata()) == 99.0
     assert "modelled part" in friction.get_ylabel()

@@ -47,7 +47,6 @@ def test_every_value_is_drawn_at_its_place(tmp_path: Path) -> None:
     maps = SurfaceMaps(tmp_path)
     with look():
         figure = draw_maps(maps, Abscissa(maps.time, maps.position))
-    assert figure is not None
     temperature, band, first, second = (axes.collections[0] for axes in figure.axes[:4])
     assert np.ma.allclose(temperature.get_array(), maps["temperature"].T - 273.15)
     assert np.array_equal(band.get_array(), maps["in_band"].T)
@@ -116,7 +115,6 @@ def test_what_faces_the_eye_is_drawn(maps: SurfaceMaps) -> None:
 def test_every_roll_is_drawn(maps: SurfaceMaps) -> None:
     with look():
         figure = draw_caster(maps)
-    assert figure is not None
     panels = figure.axes[:2]
     for panel in panels:
         drawn = [one for one in panel.collections if isinstance(one, PolyCollection)]
@@ -149,7 +147,6 @@ def test_rolls_are_numbered_and_those_with_a_defect_are_red(maps: SurfaceMaps) -
     pairs[1], pairs[2] = replace(pairs[1], lost=True), replace(pairs[2], locked=True)
     with look():
         figure = draw_caster(maps, replace(rolls(), pairs=tuple(pairs)))
-    assert figure is not None
     panel = figure.axes[0]
     red = {text.get_text() for text in panel.texts if text.get_color() == "#c1121f"}
     assert red == {"#2", "#3"} and "#1" not in red
@@ -189,7 +186,6 @@ def test_the_slice_is_drawn_over_the_strand() -> None:
     with look():
         figure = draw_slice(table, abscissa, None)
         assert draw_slice(table.drop(columns="slice_thickness_centre"), abscissa, None) is None
-    assert figure is not None
     thickness, axis, stress = figure.axes[:3]
     drawn = {line.get_label(): line.get_ydata() for line in thickness.get_lines()}
     for place in ("intrados", "centre", "extrados"):
@@ -222,7 +218,6 @@ def test_rolls_with_a_defect_are_marked(tmp_path: Path) -> None:
     with look():
         plain = draw_slice(table, Abscissa(*way), None)
         marked = draw_slice(table, Abscissa(*way, (), ((3.0, "#7 lost"), (9.0, "#8 off"))), None)
-    assert plain is not None and marked is not None
     for one, other in zip(plain.axes[:3], marked.axes[:3], strict=True):
         assert len(other.get_lines()) == len(one.get_lines()) + 1
         assert list(other.get_lines()[-1].get_xdata()) == [3.0, 3.0]
@@ -239,7 +234,6 @@ def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
     with look():
         figure = draw_bulging(table, abscissa, None)
         assert draw_bulging(history(), abscissa, None) is None
-    assert figure is not None
     bulge, force = figure.axes[:2]
     drawn = {line.get_label(): line.get_ydata() for line in bulge.get_lines()}
     # A curve through few places of a pitch misses its largest bulge: the legend says what it is.
@@ -269,7 +263,6 @@ def test_it_is_drawn_of_a_run_below_its_mould(tmp_path: Path) -> None:
 
 def test_a_face_is_shown_what_it_meets() -> None:
     case = rolled(secondary=secondary(circuit=[circuit(on=["wide_face_intrados"])]))
-    assert case.machine is not None
     met = faces_met(case, case.machine.pairs(), 0.65)
     kinds = {name: [stretch.kind for stretch in found] for name, found in met.items()}
     pitch = ["contact", "shade", "spray", "run_off"]

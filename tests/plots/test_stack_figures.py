@@ -23,7 +23,6 @@ def test_the_stack_shows_outside_and_core_in_temperature_and_stress(tmp_path, pa
     write_strained(tmp_path, part=part, cell="triangle", order=2)
     with Fields(tmp_path) as fields:
         figure = draw_stack(fields, STEEL)
-        assert figure is not None
         titles = [axes.get_title() for axes in figure.axes[: 2 * views]]
         assert titles == ["from outside", "from the core"][:views] * 2
         bars = [a.get_xlabel() for a in figure.axes[2 * views :]]
@@ -37,7 +36,6 @@ def test_the_stack_shows_outside_and_core_in_temperature_and_stress(tmp_path, pa
 def test_pictures_of_the_stack_have_one_scale(strained_run):
     with Fields(strained_run) as fields:
         figure = draw_stack(fields, STEEL)
-        assert figure is not None
         pictures = figure.axes[:4]
         figure.canvas.draw()
         scales = [axes.get_window_extent().width / np.ptp(axes.get_xlim()) for axes in pictures]
@@ -61,7 +59,6 @@ def test_colours_of_the_stack_run_into_one_another(strained_run, tmp_path):
 def test_rows_of_the_stack_lie_straight_between_its_slices(strained_run):
     with Fields(strained_run) as fields:
         stack = Stack.of(fields, STEEL)
-        assert stack is not None
         assert stack.factor == 2.0
         nodes = [
             int(np.abs(stack.plane - 1e3 * np.array(p)).sum(axis=1).argmin())
@@ -81,7 +78,6 @@ def test_rows_of_the_stack_lie_straight_between_its_slices(strained_run):
 def test_only_walls_that_face_the_eye_are_drawn(strained_run):
     with Fields(strained_run) as fields:
         stack = Stack.of(fields, STEEL)
-        assert stack is not None
         outside, inside = View.of(stack, 50.0), View.of(stack, 230.0)
         assert np.isclose(stack.plane[outside.pieces].max(axis=2), 1e3 * HALF).all()
         assert np.isclose(stack.plane[inside.pieces].min(axis=2), 0.0).all()

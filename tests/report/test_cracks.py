@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from rich.console import Console
 from synthetic_maps import THICK, WIDE, rolls, write_maps
+from synthetic_run import printed
 
 from castfem.base.shown_quantity import Quantity
 from castfem.fem.reductions import peak
@@ -21,7 +20,6 @@ from castfem.post.compare.runs import Run
 from castfem.post.compare.table import remarks
 from castfem.post.report.cracks import CrackReport, crack_places, pool_end
 from castfem.post.report.remarks import remarks_of
-from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary_file import Summary
@@ -78,7 +76,6 @@ def test_places_in_words_and_that_there_are_none(tmp_path: Path) -> None:
         (tmp_path / folder).mkdir()
         write_maps(tmp_path / folder, scale=scale)
     found, none = (crack_places(tmp_path / name, None) for name in ("worst", "none"))
-    assert found is not None and none is not None
     first, second = found.worst
     assert first == "I1 30 MPa, intrados, corner, 2.12 m (roll 8), 106.2 s, straightening"
     assert second.startswith("I2 20e-5 1/s, intrados")
@@ -89,7 +86,6 @@ def test_places_in_words_and_that_there_are_none(tmp_path: Path) -> None:
 def test_a_surface_never_in_the_band_is_told(tmp_path: Path) -> None:
     write_maps(tmp_path, scale=0.0, band=(573.15, 673.15))
     found = crack_places(tmp_path, None)
-    assert found is not None
     assert "the surface was never between 300 and 400 degC" in found.nowhere
 
 
@@ -149,7 +145,6 @@ def test_which_roll_carries_most(
 
 def test_what_reheats(report: CrackReport) -> None:
     found = report.reheat()
-    assert found is not None
     assert found.rise == pytest.approx(80.0, abs=0.01)
     ((what, where),) = report.reheats()
     assert what == "largest reheat, 80 K"
@@ -193,9 +188,7 @@ def test_show_prints_it_of_a_run_that_ended_and_of_one_at_work(tmp_path: Path, e
         }
         folder.write_summary(Summary("slab", "finished", pool))
         folder.finish()
-    stream = io.StringIO()
-    show(tmp_path, Console(file=stream, width=120), figures=False)
-    text = stream.getvalue()
+    text = printed(tmp_path, 120, figures=False)
     assert "-20 %  extrados, corner, 1.10 m (roll 4), 55 s, bending" in text
     assert "solid fraction 1 on the centre line  2.10 m (roll 8), straightening" in text
     assert "0.60 m, 1.30 to 1.90 m, rolls 5 to 7; the rolls take 0.50 mm off there" in text
@@ -204,9 +197,7 @@ def test_show_prints_it_of_a_run_that_ended_and_of_one_at_work(tmp_path: Path, e
 def write(folder: Path, force: dict[int, float], bulge: dict[int, float]) -> Path:
     """A run of the slab with a force [kN/m] and a bulge [mm] for each pitch; 100 and 0.1 else."""
     case = load("slab1200/slab")
-    assert case.machine is not None
     rolls = case.machine.pairs()
-    assert rolls is not None
     folder.mkdir()
     (folder / CASE_NAME).write_text(case.resolved_toml())
     rows = ["time [s],position [m],roll_force [kN/m],bulge_pitch [mm]"]
@@ -223,7 +214,6 @@ def write(folder: Path, force: dict[int, float], bulge: dict[int, float]) -> Pat
 def test_the_largest_and_where(tmp_path: Path) -> None:
     folder = write(tmp_path / "run", {69: 273.0}, {33: 1.7})
     loads = RollLoads.of(folder)
-    assert loads is not None
     assert loads.largest("roll_force") == (69, 273.0)
     assert loads.largest("bulge_pitch") == (33, 1.7)
     (bulge,) = [one for one in remarks_of(folder, None) if "bulge" in one.what]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 import shutil
 from dataclasses import replace
@@ -10,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
-from synthetic_run import summary, write_run
+from synthetic_run import printed, summary, write_run
 
 from castfem.api import Result
 from castfem.base.errors import InputError
@@ -34,19 +32,12 @@ from castfem.post.html.page import write
 from castfem.post.plots.chosen_units import in_chosen_units
 from castfem.post.plots.figures import draw_figures
 from castfem.post.plots.style import new_figure
-from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.labels import quantities_at, read_positions
 
 WIDTH = 80
-
-
-def text_of(folder: Path, **options: object) -> str:
-    stream = io.StringIO()
-    show(folder, Console(file=stream, width=WIDTH), figures=False, **options)  # type: ignore[arg-type]
-    return stream.getvalue()
 
 
 def test_positions_are_read_with_their_unit() -> None:
@@ -93,7 +84,7 @@ def test_python_asks_for_a_place(finished_run: Path) -> None:
 
 
 def test_show_prints_the_places_that_are_asked_for(finished_run: Path) -> None:
-    text = text_of(finished_run, at=[0.2, 0.4])
+    text = printed(finished_run, WIDTH, figures=False, at=[0.2, 0.4])
     assert "200 mm" in text and "400 mm" in text and "Balance" not in text
     assert max(map(len, text.splitlines())) <= WIDTH
     (row,) = [line for line in text.splitlines() if line.startswith("shell, mid-face")]
@@ -107,7 +98,6 @@ def zoned(tmp_path: Path) -> Path:
     write_run(tmp_path)
     folder = OutputFolder(tmp_path)
     summary = Summary.load(tmp_path)
-    assert summary is not None
     ends = ((0.0, 0.2, "mould"), (0.2, 0.45, "foot spray"), (0.45, 0.6, "spray"))
     zones = [{"name": n, "start": a, "end": b, "whole": b < 0.6} for a, b, n in ends]
     content = summary.to_json() | {"zones": zones, "mould_exit": 0.2}
@@ -116,7 +106,7 @@ def zoned(tmp_path: Path) -> Path:
 
 
 def test_a_table_along_the_strand(tmp_path: Path) -> None:
-    text = text_of(zoned(tmp_path))
+    text = printed(zoned(tmp_path), WIDTH, figures=False)
     table = text[text.index("Along the strand") : text.index("Remarks")]
     head = table.splitlines()[1:5]
     words = " ".join(" ".join(head).split())
@@ -127,7 +117,7 @@ def test_a_table_along_the_strand(tmp_path: Path) -> None:
 
 
 def test_no_table_without_places_on_the_way(finished_run: Path) -> None:
-    assert "Along the strand" not in text_of(finished_run)
+    assert "Along the strand" not in printed(finished_run, WIDTH, figures=False)
 
 
 def test_compare_at_a_place(finished_run: Path, tmp_path: Path) -> None:
@@ -149,12 +139,6 @@ OWN = ShownUnits.read({"temperature": "degF", "length": "inch", "shell": "cm", "
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_run(tmp_path_factory.mktemp("units") / "one", steps=20)
-
-
-def printed(folder: Path) -> str:
-    stream = io.StringIO()
-    show(folder, Console(file=stream, width=110), figures=False)
-    return stream.getvalue()
 
 
 def row(text: str, label: str) -> list[str]:
@@ -206,11 +190,11 @@ def test_every_quantity_has_a_si_unit_and_a_name_that_may_be_chosen() -> None:
 
 
 def test_the_table_of_a_run(folder: Path) -> None:
-    plant = printed(folder)
+    plant = printed(folder, figures=False)
     with shown_in(ShownUnits("si")):
-        si = printed(folder)
+        si = printed(folder, figures=False)
     with shown_in(OWN):
-        own = printed(folder)
+        own = printed(folder, figures=False)
     mid_face = Summary.load(folder).quantities["shell_mid_face"].value
     assert row(plant, "shell, mid-face")[:2] == [f"{1e3 * mid_face:.2f}", "mm"]
     assert float(row(si, "shell, mid-face")[0]) == pytest.approx(mid_face, rel=1e-3)
@@ -227,7 +211,7 @@ def test_the_case_of_a_run_chooses_and_the_command_line_goes_before(folder: Path
     run = shutil.copytree(folder, tmp_path / "run")
     (run / "case.toml").write_text('[output]\nunits = "si"\n', encoding="utf-8")
     before = {name: (run / name).read_bytes() for name in ("history.csv", "summary.json")}
-    assert row(printed(run), "solidus") == ["1725.2", "K"]
+    assert row(printed(run, figures=False), "solidus") == ["1725.2", "K"]
     assert execute(["show", str(run), "--units", "temperature=degF"]) == 0
     assert row(capsys.readouterr().out, "solidus") == ["2645.6", "°F"]
     assert before == {name: (run / name).read_bytes() for name in before}

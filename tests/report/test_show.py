@@ -7,12 +7,11 @@ import io
 import json
 import re
 import shutil
-from pathlib import Path
 
 import matplotlib.image
 import pytest
 from rich.console import Console
-from synthetic_run import write_run
+from synthetic_run import printed, write_run
 
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
@@ -23,12 +22,6 @@ from castfem.runs.output.folder import FIGURES, OutputFolder
 from castfem.runs.output.summary_file import Comparison, Reference, Summary
 from castfem.runs.results.headline import headline
 from castfem.runs.results.numbers import shown, with_error
-
-
-def printed(folder: Path, **options: bool) -> str:
-    stream = io.StringIO()
-    show(folder, Console(file=stream, width=110), **options)
-    return stream.getvalue()
 
 
 def cells_of(text: str, label: str) -> list[str]:

@@ -42,11 +42,9 @@ def followed(case: Case) -> tuple[Array, Tearing]:
     simulation = build(case, MPI.COMM_SELF)
     run = TimeLoop(simulation)
     run.run()
-    assert run.run_state.sampler.quality is not None
     found = run.run_state.sampler.quality.state.tearing
     x, y = simulation.section.vertex_space.tabulate_dof_coordinates()[:, :2].T
     simulation.destroy()
-    assert found is not None
     chosen = np.flatnonzero((np.abs(y) < 1e-9) & (x > 9.9e-3) & (x < 14.1e-3))
     arrays = {n: getattr(found.history, n)[chosen] for n in MushyHistory.names()}
     return x[chosen], Tearing(
@@ -243,7 +241,6 @@ def test_maps_over_the_depth_begin_at_the_surface(whole: Path) -> None:
     hot = depths["temperature"] > depths.heading.band[1] + 60.0
     assert hot.any() and not depths["clyne_davies"][hot].any()
     found = crack_places(whole, None)
-    assert found is not None
     (told,) = [row for row in found.ranking if row[0] == "clyne_davies, inside"]
     assert "mm deep" in told[3] and told[1] == f"{depths['clyne_davies'].max():.3g}"
 

@@ -40,7 +40,6 @@ def test_ductility_is_used_up_by_tension_in_its_temperatures(tmp_path: Path) -> 
     area = {k: v for k, v in DUCTILITY.items() if k != "critical_strain"}
     area["reduction_of_area"] = ["50 percent"] * 4
     given = stretched(quality={"ductility": area}).quality
-    assert given is not None
     assert np.ravel(given.ductility.strains) == pytest.approx([np.log(2.0)] * 4, rel=1e-12)
     again = stretched(quality=stretched(quality={"ductility": area}).document()["quality"])
     assert again.quality == given

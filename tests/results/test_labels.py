@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -11,9 +10,9 @@ from typing import Any
 from mpi4py import MPI
 
 import pytest
-from rich.console import Console
 from small_case import small
 from strained_run import write_strained
+from synthetic_run import printed
 
 import castfem
 from castfem.base.result_registry import result_names
@@ -23,7 +22,6 @@ from castfem.model.build.simulation import Simulation, build
 from castfem.model.load import load
 from castfem.model.shipped_cases import find
 from castfem.physics.mechanics.generalized_plane_strain import PlainPlanes
-from castfem.post.report.show import show
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import plain_label
@@ -39,9 +37,7 @@ def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):
     path = tmp_path / "run.json"
     path.write_text(path.read_text().replace('"finished"', '"running"'))
     assert RunRecord.load(tmp_path).status == "running"
-    out = io.StringIO()
-    show(tmp_path, Console(file=out, width=120), figures=False)
-    text = out.getvalue()
+    text = printed(tmp_path, 120, figures=False)
     assert text.startswith("killed or aborted")
     rows = [re.split(r"  +", line.strip()) for line in text.split("Last of ")[1].splitlines()]
     told = {row[0]: row[1:] for row in rows if len(row) == 3}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from pathlib import Path
 
@@ -10,16 +9,15 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from rich.console import Console
 from runs.billet_runs import Kept, run_in_memory
 from small_case import small
 from strained_run import LOST, REGAINED, write_strained
+from synthetic_run import printed
 
 import castfem
 from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
 from castfem.physics.contact.state import ContactSummary
-from castfem.post.report.show import show
 from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import derived, headline
 from castfem.runs.results.labels import last_quantities, resolved
@@ -137,12 +135,6 @@ def zones(mould: str) -> list[dict[str, object]]:
     return [{"name": "mould", "to": mould, "surface": FLUX}, {"name": "spray", "surface": [air]}]
 
 
-def text_of(folder: Path) -> str:
-    stream = io.StringIO()
-    show(folder, Console(file=stream, width=100), figures=False)
-    return stream.getvalue()
-
-
 def test_the_mean_flux_of_a_mould_with_one_flux_is_that_flux(tmp_path: Path) -> None:
     """Also below the mould, and over a run that is resumed there."""
     case = small({"cooling": zones("30 mm"), "casting.length": "45 mm"})
@@ -166,7 +158,7 @@ def test_the_liquid_core_ends_above_the_mushy_one(tmp_path: Path) -> None:
     for name, level in (("liquid_end", "liquidus"), ("metallurgical_length", "solidus")):
         hottest = result.at(found[name])["temperature_max"]
         assert hottest == pytest.approx(found[level], abs=1e-3)
-    text = text_of(tmp_path)
+    text = printed(tmp_path, 100, figures=False)
     results = text[text.index("Results") :].splitlines()[3:5]
     assert [line.split("  ")[0] for line in results] == [
         "end of the liquid core, fs = 0",
@@ -179,7 +171,7 @@ def test_a_strand_that_is_not_solid_says_so(tmp_path: Path) -> None:
     case = small({**THIN, "cooling": zones("100 mm"), "casting.length": "200 mm"})
     assert "metallurgical_length" not in castfem.run(case, tmp_path).quantities
     told = "at the end of the run, at 0.2 m, the strand is not solid: its core is"
-    assert told in text_of(tmp_path)
+    assert told in printed(tmp_path, 100, figures=False)
 
 
 def test_contact_and_thinnest_shell_for_tables_of_many_runs(tmp_path: Path) -> None:

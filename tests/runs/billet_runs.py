@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mpi4py import MPI
 
 from castfem.model import Case, load_case
-from castfem.model.build.simulation import build
+from castfem.model.build.simulation import Simulation, build
 from castfem.physics.coupling.staggered import StrandState
 from castfem.runs import loop
 from castfem.runs.loop import TimeLoop
@@ -53,6 +55,16 @@ def run(case: Case, folder: Path, **options: object) -> Summary:
     return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
 
 
+@contextmanager
+def simulated(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Iterator[Simulation]:
+    """The objects of a run, whose PETSc objects are freed in the end."""
+    simulation = build(case, comm)
+    try:
+        yield simulation
+    finally:
+        simulation.destroy()
+
+
 @dataclass
 class Kept:
     """Every sample of a run in memory, and its state after each step."""
@@ -67,17 +79,14 @@ class Kept:
 
     def value(self, name: str) -> float:
         """A result where the run ended, SI."""
-        assert self.summary is not None
         return self.summary.quantities[name].value
 
 
 def run_in_memory(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
     """Run in memory to the end."""
-    simulation, kept = build(case, comm), Kept()
-    try:
+    kept = Kept()
+    with simulated(case, comm) as simulation:
         last = TimeLoop(simulation, kept)  # type: ignore[arg-type]
         last.run()
         kept.summary = summarise(last.run_state, "finished")
-    finally:
-        simulation.destroy()
     return kept

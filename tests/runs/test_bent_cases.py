@@ -14,11 +14,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bent_case import HALF, RADIUS, SEGMENT, bent
-from runs.billet_runs import run_in_memory
+from runs.billet_runs import run_in_memory, simulated
 
 from castfem.base.errors import InputError
 from castfem.model import Case, load_case
-from castfem.model.build.simulation import build
 from castfem.physics.mechanics.machine_bending import BentPlanes
 from castfem.runs import loop
 from castfem.runs.output.history import read_history
@@ -32,14 +31,10 @@ def samples_of(case: Case) -> tuple[list[Any], float]:
 
 def planes_of(case: Case) -> tuple[BentPlanes, Callable[[float], float]]:
     """The planes of a case, and where its slice is over time."""
-    simulation = build(case, MPI.COMM_SELF)
-    try:
-        assert simulation.mechanics is not None
+    with simulated(case) as simulation:
         planes = simulation.mechanics.problem.slice.planes
         assert isinstance(planes, BentPlanes)
         return planes, simulation.machine.position
-    finally:
-        simulation.destroy()
 
 
 def test_the_planes_follow_the_rolls() -> None:
@@ -48,7 +43,6 @@ def test_the_planes_follow_the_rolls() -> None:
     rolls, chi = [0.1, 0.6, 1.35], [0.0, 1.0 / RADIUS, 0.0]
     seen = []
     for state, sample in zip(kept.states, kept.samples[-len(kept.states) :], strict=True):
-        assert state.mechanical is not None
         a0, a1, a2, _ = state.mechanical.generalized_strains
         curvature = float(np.interp(sample.position, rolls, chi))
         middle = curvature / (1.0 - curvature * HALF)
@@ -116,8 +110,6 @@ def test_a_half_bears_half() -> None:
         for part in ("half", "whole")
     )
     ours, theirs = half[-1].mechanics, whole[-1].mechanics
-    assert ours is not None
-    assert theirs is not None
     assert theirs.load == pytest.approx(60e3, rel=1e-9)
     assert parts * ours.load == pytest.approx(theirs.load, rel=1e-12)
     for name in ("moment", "work"):
@@ -125,7 +117,6 @@ def test_a_half_bears_half() -> None:
         assert found == pytest.approx(getattr(theirs.bending, name), rel=1e-5)
     assert ours.strain == pytest.approx(theirs.strain, rel=1e-6)
     # N = F + k M - int M dk, as the summary says.
-    assert ours.balance is not None
     assert ours.bending_force != 0.0
     left = ours.balance.axial[0] - ours.load - ours.bending_force
     assert abs(left) < 1e-7 * ours.load

@@ -11,72 +11,17 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from interrupted import history_of
-from runs.billet_runs import Kept, run_in_memory
-from small_case import small
+from runs.billet_runs import Kept, run_in_memory, simulated
+from runs.bulging_slab import ROLLS, SLAB, below, rolls_of, slab
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case
 from castfem.model.build.shell_prediction import ShellPrediction
 from castfem.model.build.simulation import build
 from castfem.physics.constitutive.flow_laws import RadialReturn
-from castfem.physics.contact.roll_support import RollSupportState
 from castfem.physics.machine.bulging import CreepingStrip, ElasticStrip, Shell, Span, stiffness
 from castfem.runs.results.mechanical import MechanicalSampler
 from castfem.runs.results.sample import Sample
-
-ROLLS = (0.9, 1.1, 1.3)
-APERTURES = ("100 mm", "99.8 mm", "99.7 mm")
-SLAB = {
-    "casting": {
-        "speed": "1.2 m/min",
-        "length": "1.35 m",
-        "superheat": "20 K",
-        "start": {"at": "mould_exit"},
-    },
-    "section.width": "400 mm",
-    "section.height": "100 mm",
-    "section.corner_radius": "0 mm",
-    "section.symmetry": "half",
-    "mesh": {"surface_size": "8 mm", "face_size": "40 mm", "core_size": "12 mm"},
-    "cooling": [
-        {
-            "name": "mould",
-            "to": "850 mm",
-            "surface": [{"law": "contact", "coefficient": "1200 W/(m^2 K)", "wall": "160 degC"}],
-        },
-        {
-            "name": "spray",
-            "surface": [
-                {"law": "convection", "coefficient": "400 W/(m^2 K)", "ambient": "25 degC"}
-            ],
-        },
-    ],
-    "machine": {
-        "rolls": {
-            "position": [f"{place} m" for place in ROLLS],
-            "diameter": ["120 mm"] * 3,
-            "aperture": list(APERTURES),
-        }
-    },
-    "mechanics": {"law": "kozlowski_zhu_signed", "bulging": "creep"},
-    "coupling": {"interval": "50 mm"},
-    "thermal": {"time": {"step": "0.5 s"}},
-    "output": {"figures": False, "fields": []},
-    "reference": [],
-}
-
-
-def slab(**changes: object) -> Case:
-    """400 x 100 mm over three pairs of rolls; `a__b=c` replaces what stands at a.b."""
-    given = {key.replace("__", "."): value for key, value in changes.items()}
-    table = deepcopy(SLAB) | given
-    return small({key: value for key, value in table.items() if value is not None})
-
-
-def rolls_of(sample: Sample) -> RollSupportState:
-    mechanical = sample.state.mechanical
-    assert mechanical is not None
-    return next(one for one in mechanical.interactions if isinstance(one, RollSupportState))
 
 
 def offset(position: float) -> float:
@@ -104,7 +49,7 @@ def test_the_middle_of_a_face_is_where_the_strip_is(creeping: Kept) -> None:
 
 def entered(kept: Kept, roll: int) -> Sample:
     """The first sample beyond a roll."""
-    return next(s for s in kept.samples if s.position > ROLLS[roll] + 1e-6)
+    return below(kept, ROLLS[roll])
 
 
 def half_way(roll: int) -> float:
@@ -114,14 +59,10 @@ def half_way(roll: int) -> float:
 
 def shell_of(sample: Sample, time: float) -> tuple[Shell, RadialReturn]:
     """The shell at mid-face, as it is foreseen for a later time (s), and the law of the case."""
-    simulation = build(slab(), MPI.COMM_SELF)
-    try:
-        assert simulation.mechanics is not None
+    with simulated(slab()) as simulation:
         law, solidus = simulation.mechanics.problem.slice.law, simulation.steel.solidus
         profile = simulation.probes.sample(sample.state.thermal.point.temperature)["mid_face"]
         profile = ShellPrediction(simulation.steel).later(profile, time - sample.time)
-    finally:
-        simulation.destroy()
     depth, heat = profile.depth, profile.temperature
     shell = Shell(profile.isotherm_depth(solidus), lambda d: np.interp(d, depth, heat))
     return shell, law  # type: ignore[return-value]
@@ -164,7 +105,7 @@ def test_a_strand_that_stops_just_below_a_roll_bulges_by_its_mean_speed() -> Non
     stop = {"time": [44.75, 45.75, 55.75, 56.75], "time_unit": "s", "value": [1.2, 0, 0, 1.2],
             "unit": "m/min"}  # fmt: skip
     kept = run_in_memory(slab(casting__speed=stop, casting__length="0.92 m"))
-    stopped = next(s for s in kept.samples if s.position > ROLLS[0] + 1e-6)
+    stopped = entered(kept, 0)
     assert stopped.position == pytest.approx(0.905) and stopped.time == pytest.approx(45.75)
     begun, ended = 45.75 - np.sqrt(0.5), 66.0
     shell, law = shell_of(stopped, 0.5 * (begun + ended))
@@ -206,9 +147,7 @@ def test_a_half_bulges_as_the_whole(creeping: Kept) -> None:
 def test_axial_strain_of_the_strip_is_added_to_the_shell(creeping: Kept) -> None:
     """At mid-width that of the strip at its depth; none in the core, nor at the narrow face."""
     with_strain = slab(mechanics__bulging={"model": "creep", "axial_strain": True})
-    simulation = build(with_strain, MPI.COMM_SELF)
-    try:
-        assert simulation.mechanics is not None
+    with simulated(with_strain) as simulation:
         (rolls,) = simulation.mechanics.problem.slice.interactions
         foundation, memory = rolls.foundation, rolls_of(entered(creeping, 0)).memory
         begun, end = (simulation.machine.time_at(ROLLS[0] + way) for way in (0.05, 0.1))
@@ -217,8 +156,6 @@ def test_axial_strain_of_the_strip_is_added_to_the_shell(creeping: Kept) -> None
         places = np.array([[x, side * (0.05 - d)] for side in (1, -1) for x in (0.0, 0.2)
                            for d in depth])  # fmt: skip
         found = foundation.axial_strain(memory, memory, begun, end, places).reshape(2, 2, 3)
-    finally:
-        simulation.destroy()
     ends = [np.interp([0.05, 0.1], memory["z"][0], memory[name][0]) for name in
             ("axial_strain", "curvature")]  # fmt: skip
     stretched, bent = (float(b - a) for a, b in ends)
@@ -239,9 +176,7 @@ def test_the_front_is_strained_by_the_bulge() -> None:
     states = [s.mechanical for s in kept.states if s.mechanical is not None]
     memory = rolls_of(entered(kept, 1)).memory
     thickness, neutral = float(memory["thickness"][0]), float(memory["neutral"][0])
-    simulation = build(slab(mechanics__bulging=bulging), MPI.COMM_SELF)
-    try:
-        assert simulation.mechanics is not None
+    with simulated(slab(mechanics__bulging=bulging)) as simulation:
         interactions = simulation.mechanics.problem.interactions
         depth = np.array([0.002, thickness + 0.003])
         places = np.column_stack([np.zeros(2), 0.05 - depth])
@@ -252,8 +187,6 @@ def test_the_front_is_strained_by_the_bulge() -> None:
                 part = interactions.front_strain(before, after, places)
                 assert part is not None
                 found, at = found + part, [*at, position]
-    finally:
-        simulation.destroy()
     assert at[-1] == pytest.approx(ROLLS[1] + 0.1) and len(at) == 2
     stretched, bent = (
         float(np.diff(np.interp([0.0, 0.1], memory["z"][0], memory[name][0]))[0])
@@ -274,7 +207,6 @@ def test_what_the_front_has_taken_has_the_bulge(monkeypatch: pytest.MonkeyPatch)
         if not followed:
             monkeypatch.setattr(MechanicalSampler, "front_strain", lambda *given: 0.0)
         tearing = run_in_memory(case).samples[-1].judged.tearing
-        assert tearing is not None
         taken.append(tearing.history.axial)
     simulation = build(case, MPI.COMM_SELF)
     x = simulation.section.vertex_space.tabulate_dof_coordinates()[:, 0]
@@ -288,13 +220,9 @@ def test_axial_strain_of_the_strip_stresses_the_face(creeping: Kept) -> None:
     kept = run_in_memory(slab(mechanics__bulging={"model": "creep", "axial_strain": True}))
     at = [s.position for s in creeping.samples]
     assert at == pytest.approx([s.position for s in kept.samples])
-    simulation = build(slab(), MPI.COMM_SELF)
-    try:
-        assert simulation.mechanics is not None
+    with simulated(slab()) as simulation:
         points = simulation.mechanics.problem.points
         x, y = points.position[: points.deviator_points].T
-    finally:
-        simulation.destroy()
     near = np.flatnonzero((x < 0.04) & (y > 0.047))
     stresses = []
     for run in (creeping, kept):
@@ -370,7 +298,7 @@ def test_what_cannot_bulge_is_refused(changes: dict[str, object], text: str) -> 
 def solid(*apertures: str) -> Kept:
     """A slab that is solid throughout, on rolls."""
     profile = {"depth": [0, 50], "depth_unit": "mm", "value": [950, 1250], "unit": "degC"}
-    start = {**SLAB["casting"], "start": {"at": "mould_exit", "profile": profile}}  # type: ignore[dict-item]
+    start = {**SLAB["casting"], "start": {"at": "mould_exit", "profile": profile}}
     return run_in_memory(slab(casting=start, machine__rolls__aperture=list(apertures)))
 
 
@@ -428,7 +356,7 @@ def test_rolls_that_come_closer_press_a_solid_strand() -> None:
 
 def test_a_pitch_that_no_shell_can_span_ends_the_run() -> None:
     places = {"position": ["0.9 m", "2.4 m", "2.6 m"]}
-    rolls = deepcopy(SLAB["machine"]["rolls"]) | places  # type: ignore[index]
+    rolls = deepcopy(SLAB["machine"]["rolls"]) | places
     said = r"between the rolls at 0\.9 and 2\.4 m a shell of \d.* \(at most 75 mm\)"
     for model, creeps in (("creep", True), ("elastic", False)):
         with pytest.raises(RunFailure, match=said) as told:
@@ -438,6 +366,6 @@ def test_a_pitch_that_no_shell_can_span_ends_the_run() -> None:
 
 def test_a_strand_without_a_shell_ends_the_run() -> None:
     hot = deepcopy(SLAB["cooling"])
-    hot[0]["surface"][0]["coefficient"] = "1 W/(m^2 K)"  # type: ignore[index]
+    hot[0]["surface"][0]["coefficient"] = "1 W/(m^2 K)"
     with pytest.raises(RunFailure, match=r"there is no shell between the rolls at 0\.9 and 1\.1 m"):
         run_in_memory(slab(cooling=hot))

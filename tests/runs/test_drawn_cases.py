@@ -70,7 +70,6 @@ def test_a_coupled_strand_pays_for_friction_and_for_bending(coupled: Kept) -> No
     last = coupled.samples[-1]
     for sample in coupled.samples[1:]:
         ours = sample.mechanics
-        assert ours is not None and ours.balance is not None
         closing = ours.balance.axial[0] - ours.bending.curvature * ours.bending.moment
         assert 2.0 * closing == pytest.approx(sample.withdrawal.effort, abs=1.0)
     work = -2.0 * last.mechanics.bending.work

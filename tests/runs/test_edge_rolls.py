@@ -10,7 +10,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from interrupted import history_of
-from runs.billet_runs import Kept
+from runs.billet_runs import Kept, run_in_memory
+from runs.bulging_slab import below
 from test_slab_below_mould import END, ROLLS, TAPER, slab
 
 from castfem.base.errors import InputError
@@ -44,13 +45,12 @@ def edged(edges: tuple[float, ...] = EDGES, **changes: object) -> Case:
 class Whole:
     """A run in memory whose simulation is still there."""
 
-    def __init__(self, case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> None:
-        self.simulation, self.kept = build(case, comm), Kept()
+    def __init__(self, case: Case) -> None:
+        self.simulation, self.kept = build(case, MPI.COMM_SELF), Kept()
         TimeLoop(self.simulation, self.kept).run()  # type: ignore[arg-type]
 
     def below(self, position: float) -> Sample:
-        """The first sample below a position."""
-        return next(s for s in self.kept.samples if s.position > position + 1e-6)
+        return below(self.kept, position)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,6 @@ def from_outside(simulation: Simulation, state: MechanicalState) -> Array:
     """Work of mould and rolls on the motions (x, 0) and (0, y) (2,), N."""
     assert isinstance(simulation.mechanics, MechanicalStepper)
     wall, contact = simulation.mechanics.problem.contact, state.contact
-    assert wall is not None and contact is not None
     force = -(contact.weight * contact.pressure)[:, None] * contact.normal
     work = (force * wall.facets.position).sum(axis=0)
     wide, narrow = (s for s in state.interactions if isinstance(s, RollSupportState))
@@ -124,14 +123,11 @@ def test_edge_rolls_begin_where_the_mould_leaves_the_face(own: Whole) -> None:
 
 def test_they_hold_a_face_that_would_be_pushed_out(own: Whole) -> None:
     """And never pull it: the force on them is what the history tells."""
-    free = Whole(slab(mould=own.simulation.case.document()["mould"]))
-    try:
-        held, pushed = (
-            max(s.strained.moved["narrow_face"] for s in one.kept.samples if s.position > END)
-            for one in (own, free)
-        )
-    finally:
-        free.simulation.destroy()
+    free = run_in_memory(slab(mould=own.simulation.case.document()["mould"]))
+    held, pushed = (
+        max(s.strained.moved["narrow_face"] for s in one.samples if s.position > END)
+        for one in (own.kept, free)
+    )
     left = HALF[0] / (1.0 + 0.015 * END) - HALF[0]
     assert held < left + 60e-6 < pushed
     forces = [float(beds_of(s)[1].force[0]) for s in own.kept.samples]
@@ -143,10 +139,9 @@ def test_they_hold_a_face_that_would_be_pushed_out(own: Whole) -> None:
 def test_an_idealised_mould_and_rolls_do_not_bear_a_face_together() -> None:
     """Without [mould] the faces are held to the first roll of the wide ones, here at 0.38 m."""
     start = {"start": {"at": "mould_exit"}, "superheat": "20 K", "speed": "0.6 m/min"}
-    whole = Whole(edged(mould=None, casting=start | {"length": "0.42 m"}))
-    whole.simulation.destroy()
+    whole = run_in_memory(edged(mould=None, casting=start | {"length": "0.42 m"}))
     met = set()
-    for sample in whole.kept.samples[1:]:
+    for sample in whole.samples[1:]:
         (narrow,) = beds_of(sample)[1].beds.values()
         held = next(bed for name, bed in beds_of(sample)[0].beds.items() if "narrow" in name)
         assert (held.stiffness > 0.0) != (narrow.stiffness > 0.0)
@@ -161,28 +156,22 @@ def test_it_resumes_byte_for_byte_through_the_end_of_the_mould(tmp_path: Path) -
 
 
 def test_a_whole_slab_has_rolls_at_both_narrow_faces(own: Whole) -> None:
-    whole = Whole(edged(section__symmetry="whole", casting__length=f"{EDGES[0]} m"))
-    try:
-        assert whole.kept.samples[-1].position == pytest.approx(EDGES[0])
-        for ours, theirs in zip(own.kept.samples, whole.kept.samples, strict=False):
-            assert theirs.position == pytest.approx(ours.position)
-            half, (one, other) = beds_of(ours)[1].force[0], beds_of(theirs)[1].force
-            assert [one, other] == pytest.approx([half, half], rel=1e-4, abs=0.5)
-    finally:
-        whole.simulation.destroy()
+    whole = run_in_memory(edged(section__symmetry="whole", casting__length=f"{EDGES[0]} m"))
+    assert whole.samples[-1].position == pytest.approx(EDGES[0])
+    for ours, theirs in zip(own.kept.samples, whole.samples, strict=False):
+        assert theirs.position == pytest.approx(ours.position)
+        half, (one, other) = beds_of(ours)[1].force[0], beds_of(theirs)[1].force
+        assert [one, other] == pytest.approx([half, half], rel=1e-4, abs=0.5)
 
 
 @pytest.mark.mpi
 def test_several_ranks_find_what_one_finds(own: Whole) -> None:
-    several = Whole(edged(), MPI.COMM_WORLD)
-    try:
-        for ours, theirs in zip(own.kept.samples, several.kept.samples, strict=True):
-            one, other = beds_of(ours)[1], beds_of(theirs)[1]
-            assert other.force == pytest.approx(one.force, rel=1e-5, abs=1.0)
-            moved = (s.strained.moved["narrow_face"] for s in (ours, theirs))
-            assert next(moved) == pytest.approx(next(moved), abs=1e-7)
-    finally:
-        several.simulation.destroy()
+    several = run_in_memory(edged(), MPI.COMM_WORLD)
+    for ours, theirs in zip(own.kept.samples, several.samples, strict=True):
+        one, other = beds_of(ours)[1], beds_of(theirs)[1]
+        assert other.force == pytest.approx(one.force, rel=1e-5, abs=1.0)
+        moved = (s.strained.moved["narrow_face"] for s in (ours, theirs))
+        assert next(moved) == pytest.approx(next(moved), abs=1e-7)
 
 
 def test_without_gap_and_friction_the_mould_leaves_the_heat_as_it_was() -> None:
@@ -192,15 +181,10 @@ def test_without_gap_and_friction_the_mould_leaves_the_heat_as_it_was() -> None:
     through = slab(**{"mould.taper": "0 %/m", "casting__length": "0.32 m",
                       "cooling.0.surface.0.gap_conductivity": "1000 W/(m K)",
                       "coupling.follow_shape": False})  # fmt: skip
-    one, other = Whole(begun), Whole(through)
-    try:
-        ours, theirs = (w.kept.samples[-1] for w in (one, other))
-        for name, profile in ours.profiles.items():
-            assert profile.temperature == pytest.approx(theirs.profiles[name].temperature, abs=2.0)
-        assert ours.removed == pytest.approx(theirs.removed, rel=2e-3)
-    finally:
-        one.simulation.destroy()
-        other.simulation.destroy()
+    ours, theirs = (run_in_memory(case).samples[-1] for case in (begun, through))
+    for name, profile in ours.profiles.items():
+        assert profile.temperature == pytest.approx(theirs.profiles[name].temperature, abs=2.0)
+    assert ours.removed == pytest.approx(theirs.removed, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -222,15 +206,12 @@ def test_the_shipped_slab_goes_through_its_mould_to_both_kinds_of_rolls() -> Non
     case = load_case(SHIPPED, ("casting.length=1 m", "output.fields=[]", "output.figures=false",
                                "coupling.interval=100 mm", "mesh.face_size=150 mm",
                                "mesh.corner_size=10 mm"))  # fmt: skip
-    whole = Whole(case)
-    try:
-        last = whole.kept.samples[-1]
-        assert last.position == pytest.approx(1.0)
-        wide, narrow = beds_of(last)
-        assert wide.force.min() > 1e4 and narrow.force.min() > 1e3
-        # At the mould's exit the corner is as warm as the faces are, neither 689 nor 1392 degC.
-        exit_ = whole.below(0.79).profiles
-        corner, face = (exit_[n].temperature[0] for n in ("corner_intrados", "narrow_face"))
-        assert abs(corner - face) < 150.0
-    finally:
-        whole.simulation.destroy()
+    whole = run_in_memory(case)
+    last = whole.samples[-1]
+    assert last.position == pytest.approx(1.0)
+    wide, narrow = beds_of(last)
+    assert wide.force.min() > 1e4 and narrow.force.min() > 1e3
+    # At the mould's exit the corner is as warm as the faces are, neither 689 nor 1392 degC.
+    exit_ = below(whole, 0.79).profiles
+    corner, face = (exit_[n].temperature[0] for n in ("corner_intrados", "narrow_face"))
+    assert abs(corner - face) < 150.0

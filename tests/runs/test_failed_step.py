@@ -271,7 +271,6 @@ def test_a_load_that_little_would_bear_is_not_blamed() -> None:
     """Elastic strain alone, in what there is, tells whether a shorter step may do."""
     simulation = SliceSetup(mapped(1, 1, box(0.1, 0.1)), LAW, judge=True)
     judge, count = simulation.stepper._validity, simulation.problem.points.count
-    assert judge is not None
     hot, cold = np.full(count, 1800.0), np.full(count, 1000.0)
     area = 0.1 * 0.1
     young = LAW.elasticity.moduli(np.array([1800.0]))[2][0]

@@ -10,12 +10,11 @@ from mpi4py import MPI
 import numpy as np
 import pandas as pd
 import pytest
-from runs.billet_runs import billet, cells, run_in_memory, shipped
+from runs.billet_runs import billet, cells, run_in_memory, shipped, simulated
 from small_case import small
 
 from castfem.base.errors import InputError
 from castfem.model import load_case
-from castfem.model.build.simulation import build
 from castfem.physics.constitutive.elasticity import Solidity
 from castfem.physics.materials import load_steel
 from castfem.runs import loop
@@ -38,12 +37,10 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
             "output.fields=[]",
         ),
     )
-    simulation = build(case, MPI.COMM_SELF)
-    try:
+    with simulated(case) as simulation:
         time_loop = TimeLoop(simulation)
         time_loop.run()
         source = simulation.section.source
-        assert source is not None
         places = source.points[simulation.section.node_of_owned]
         temperature = time_loop.run_state.state.thermal.point.temperature
         half = 0.0625
@@ -52,8 +49,6 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
             for place in ((half, 0.0), (0.0, half))
         ]
         return found, time_loop.run_state.state.thermal.removed * simulation.section.multiplicity
-    finally:
-        simulation.destroy()
 
 
 def test_isothermal_freezing_is_that_of_a_range_next_to_nothing() -> None:
@@ -107,7 +102,6 @@ def _heat(gap: str, of: str) -> float:
     summary = run_in_memory(
         billet("thermal", "casting.length=60 mm", RADIATING % (gap, of))
     ).summary
-    assert summary is not None
     return summary.quantities["heat_removed"].value
 
 
@@ -127,7 +121,6 @@ def test_radiation_crosses_the_gap_of_the_mould() -> None:
     with_, without = (
         run_in_memory(billet(*opens, RADIATING % ("", of))).samples[-1] for of in ("", NO_HEAT)
     )
-    assert with_.mechanics is not None
     gap = with_.mechanics.gap["corner"]
     assert gap > 20e-6
     assert with_.flux["corner"] > without.flux["corner"]

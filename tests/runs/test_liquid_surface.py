@@ -93,7 +93,6 @@ def test_liquid_follows_the_wall_and_presses_on_it(
 ) -> None:
     """All of its surface, with the pressure of its depth, and at the cost of a linear problem."""
     kept = cast(tmp_path, cell=cell, taper=taper, contact=contact)
-    assert kept.summary is not None
     assert kept.summary.steps["coupling windows cut back"] == 0.0
     assert kept.summary.steps["Newton iterations, mechanics"] <= 4 * len(kept.samples)
     for sample in kept.samples[1:]:
@@ -104,7 +103,6 @@ def test_liquid_follows_the_wall_and_presses_on_it(
         # What bears the stretch of the surface is a stand-in of 30 times the pressure.
         assert touch.force == pytest.approx([-head * HALF] * 2, rel=1e-3)
     moved = kept.states[-1].mechanical
-    assert moved is not None
     assert np.abs(moved.displacement).max() < 1.5 * 0.03 * 0.3 * HALF
 
 
@@ -121,7 +119,6 @@ def test_a_hollow_surface_stays_where_it_is(tmp_path: Path, mush: str, most: flo
     kept = run_in_memory(load_case(path, changes))
     assert kept.samples[-1].shell["mid_face"] == 0.0
     first, last = (s.mechanical for s in (kept.states[1], kept.states[-1]))
-    assert first is not None and last is not None
     # Once it has come from the mesh's facets to the wall's arcs.
     assert np.abs(first.displacement).max() > 1e-8
     assert np.abs(last.displacement - first.displacement).max() < most
@@ -133,7 +130,6 @@ def test_a_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:
     assert kept.value("shell_mid_face") > 0.5e-3
     for sample in kept.samples[1:]:
         mechanics = sample.mechanics
-        assert mechanics is not None and mechanics.balance is not None
         assert mechanics.contact is not None and mechanics.contact.penetration < 1e-5
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
 
@@ -145,7 +141,6 @@ def test_a_shell_that_melts_open_off_its_wall_is_a_breakout() -> None:
     problem, steel = made.mechanics.problem, made.steel  # type: ignore[union-attr]
     try:
         contact, owned = problem.contact, made.section.owned
-        assert contact is not None
         solid, liquid = (np.full(owned, steel.solidus + by) for by in (-20.0, 5.0))
         fresh = contact.initial()
         off = replace(fresh, gap=np.full_like(fresh.gap, 1.2e-3))

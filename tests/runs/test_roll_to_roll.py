@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from interrupted import history_of
 from rolled_case import SECONDARY, circuit, rolled, secondary
+from runs.billet_runs import simulated
 
 from castfem.base.types import Array
 from castfem.model import Case
@@ -28,19 +29,15 @@ WIDTH = footprint(0.1, np.deg2rad(150.0))  # m, wider than the face
 
 def cooled(case: Case) -> tuple[Array, float, float]:
     """Temperatures at the end, heat removed and the worst balance of a step."""
-    simulation = build(case, MPI.COMM_WORLD)
-    try:
+    with simulated(case, MPI.COMM_WORLD) as simulation:
         sample = TimeLoop(simulation).run()
         temperature = sample.state.thermal.point.temperature.copy()
         return temperature, sample.removed, abs(sample.balance)
-    finally:
-        simulation.destroy()
 
 
 def by_hand(case: Case) -> Case:
     """The same zones written into [[cooling]], one after another, down to the second pitch."""
     table, machine = case.secondary, case.machine
-    assert table is not None and machine is not None
     rolls = machine.pairs()
     assert rolls is not None
     water = 1e3 * (20e-3 / 60.0) / table.circuit[0].nozzles() / LENGTH / WIDTH

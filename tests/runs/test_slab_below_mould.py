@@ -8,19 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import pandas
 import pytest
 from interrupted import history_of
-from runs.billet_runs import Kept, cells, run, run_in_memory
+from runs.billet_runs import Kept, cells, run, run_in_memory, simulated
+from runs.bulging_slab import SLAB, below, rolls_of
 from small_case import small
-from test_bulging_slab import SLAB, rolls_of
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
-from castfem.model.build.simulation import build
 from castfem.physics.contact.roll_support import RollSupport
 from castfem.physics.contact.state import ContactState
 from castfem.physics.mechanics.state import MechanicalResult
@@ -43,8 +40,8 @@ def slab(**changes: object) -> Case:
         "mechanics": {"law": "kozlowski_zhu_signed", "liquid": "fed", "bulging": "elastic"},
     } | {key.replace("__", "."): value for key, value in changes.items()}
     table = deepcopy(SLAB) | given
-    table["cooling"][0]["to"] = f"{END} m"  # type: ignore[index]
-    table["cooling"][0]["surface"][0]["gap_conductivity"] = "0.15 W/(m K)"  # type: ignore[index]
+    table["cooling"][0]["to"] = f"{END} m"
+    table["cooling"][0]["surface"][0]["gap_conductivity"] = "0.15 W/(m K)"
     return small(table)
 
 
@@ -53,14 +50,8 @@ def own() -> Kept:
     return run_in_memory(slab())
 
 
-def below(kept: Kept, position: float) -> Sample:
-    """The first sample below a position."""
-    return next(s for s in kept.samples if s.position > position + 1e-6)
-
-
 def wall_of(sample: Sample) -> ContactState:
     mechanical = sample.state.mechanical
-    assert mechanical is not None
     return next(one for one in mechanical.interactions if isinstance(one, ContactState))
 
 
@@ -114,14 +105,10 @@ def test_whether_rolls_pull_is_as_the_case_says() -> None:
         ({"mould": None, "casting__start": begun,
           "mechanics__bulging": {"model": "elastic", "pull": False}}, False),
     ):  # fmt: skip
-        simulation = build(slab(**changes), MPI.COMM_SELF)
-        try:
-            assert simulation.mechanics is not None
+        with simulated(slab(**changes)) as simulation:
             given = simulation.mechanics.problem.slice.interactions
             (rolls,) = (one for one in given if isinstance(one, RollSupport))
             assert rolls.pull == pulls
-        finally:
-            simulation.destroy()
 
 
 def test_it_resumes_byte_for_byte(tmp_path: Path) -> None:

@@ -63,7 +63,6 @@ def test_below_the_mould_it_is_the_run_from_the_meniscus() -> None:
 def test_the_slice_is_unstrained_below_the_mould() -> None:
     loop = begun(rolled(casting__start=EXIT, **STRAINED))
     strand = loop.run_state.state
-    assert strand.mechanical is not None
     assert strand.mechanical.time == strand.thermal.time == pytest.approx(10.0)
     assert not strand.mechanical.stress.any() and not strand.mechanical.displacement.any()
     assert strand.thermal.extremes[0] < 1250.0 + ZERO_CELSIUS  # it has a shell

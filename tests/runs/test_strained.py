@@ -76,7 +76,6 @@ def test_a_skeleton_that_freezes_at_once_neither_folds_nor_bears() -> None:
     for mush in ("none", "skeleton"):
         kept = run_in_memory(load_case(path, (f"mechanics.mush={mush}", "casting.length=20 mm")))
         state = kept.states[-1].mechanical
-        assert state is not None
         found.append((kept.value("axial_strain"), np.abs(state.stress).max()))
     (strain, stress), (strain_with, stress_with) = found
     assert abs(strain_with / strain - 1.0) < 1e-3
@@ -126,7 +125,6 @@ def test_a_force_on_the_strand_strains_all_its_parts_alike() -> None:
         run_in_memory(billet("coupled", *force, f"section.symmetry={s}")).samples[-1].mechanics
         for s in ("quarter", "half")
     )
-    assert quarter is not None and half is not None
     assert quarter.strain > 1e-3
     assert half.strain == pytest.approx(quarter.strain, rel=1e-5)
 
@@ -183,7 +181,6 @@ STEPS = ("thermal.time.step=0.05 s",)
 
 def shape(kept: Kept) -> list[np.ndarray]:
     state = kept.states[-1].mechanical
-    assert state is not None
     return [state.displacement, state.stress, state.internal, kept.states[-1].thermal.enthalpy]
 
 
@@ -265,7 +262,6 @@ def test_a_gap_that_opens_evenly_is_found_at_once() -> None:
         kept = run_in_memory(
             shipped("taper_0", TO_180, "coupling.interval=0.1 s", f"coupling.settled={settled}")
         )
-        assert kept.summary is not None
         found.append((kept.value("surface_temperature_corner"), kept.summary.steps))
     (corner, steps), (settled_corner, _) = found
     assert abs(corner - settled_corner) < 0.2  # 0.7 with the gap of the begin
@@ -276,9 +272,7 @@ def test_a_slice_goes_on_as_it_moved() -> None:
     """Displacement, free scalars and the generalized strains that belong to them."""
     case = billet("taper_0", TO_180)
     before, now = (state.mechanical for state in run_in_memory(case).states[-2:])
-    assert before is not None and now is not None
     simulation = build(case, MPI.COMM_SELF)
-    assert simulation.mechanics is not None
     ahead = simulation.mechanics.going_on(now, 2.0 * now.time - before.time)
     simulation.destroy()
     assert ahead.time == 2.0 * now.time - before.time

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from interrupted import history_of
 from runs.billet_runs import Kept, run_in_memory
-from test_bulging_slab import SLAB, rolls_of
+from runs.bulging_slab import SLAB, below, rolls_of
 
 from castfem.model import Case
 from castfem.runs.results.sample import Sample
@@ -62,7 +62,7 @@ def off() -> Kept:
 
 def within(kept: Kept, pitch: int) -> Sample:
     """The first sample in a pitch, by the roll above it from 1."""
-    return next(s for s in kept.samples if s.position > PLACES[pitch - 1] + 1e-6)
+    return below(kept, PLACES[pitch - 1])
 
 
 def at(kept: Kept, roll: int) -> Sample:
@@ -109,7 +109,6 @@ def steps(kept: Kept) -> dict[int, float]:
     found = {}
     for sample in kept.samples:
         withdrawal = sample.bending.withdrawal
-        assert withdrawal is not None
         found[withdrawal.pairs] = withdrawal.friction
     return found
 
@@ -174,5 +173,4 @@ def test_ranks_find_the_same() -> None:
         both = [rolls_of(s).memory["added"] for s in (ours, theirs)]
         assert both[0] == pytest.approx(both[1], rel=1e-6, abs=1e-6)
         first, second = (s.bending.withdrawal for s in (ours, theirs))
-        assert first is not None and second is not None
         assert first.friction == pytest.approx(second.friction, rel=1e-6)

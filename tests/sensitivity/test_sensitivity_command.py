@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -129,16 +130,22 @@ def test_windows_that_were_cut_for_their_error_are_told() -> None:
     assert line.startswith("coupling windows were cut for their error 3 times on the way to 23")
 
 
-def test_a_result_without_a_known_derivative_says_so(tmp_path: Path, monkeypatch: Any) -> None:
+@pytest.mark.parametrize(
+    ("slope", "said"),
+    [(0.0, "depends on none of them"), (math.nan, "no derivative of it is known")],
+)
+def test_a_result_without_bars_has_no_axes(
+    tmp_path: Path, monkeypatch: Any, slope: float, said: str
+) -> None:
     kept: list[Figure] = []
     monkeypatch.setattr("castfem.post.plots.studies.save", lambda figure, path: kept.append(figure))
-    nan = float("nan")
-    unknown = [Derivative("shell_mid_face", one.name, nan, nan) for one in FOUND.parameters]
+    none = [Derivative("shell_mid_face", one.name, slope, slope) for one in FOUND.parameters]
     some = (one for one in FOUND.derivatives if one.quantity != "shell_mid_face")
-    draw_tornado(replace(FOUND, derivatives=(*some, *unknown)), tmp_path / "none.png")
-    shell = kept[0].axes[1]
+    draw_tornado(replace(FOUND, derivatives=(*some, *none)), tmp_path / "none.png")
+    surface, shell = kept[0].axes
+    assert surface.axison and not surface.texts
     assert not shell.axison and not shell.patches
-    assert shell.texts[0].get_text() == "shell, mid-face\nno derivative of it is known"
+    assert shell.texts[0].get_text() == f"shell, mid-face\n{said}"
 
 
 def test_units_of_the_case_and_of_the_command(tmp_path: Path) -> None:
@@ -182,15 +189,3 @@ def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) 
         "cooling.mould.wall \N{PLUS-MINUS SIGN}18 °F",
         "steel.conductivity \N{PLUS-MINUS SIGN}1 %",
     }
-
-
-def test_a_result_that_depends_on_nothing_has_no_axes(tmp_path: Path, monkeypatch: Any) -> None:
-    kept: list[Figure] = []
-    monkeypatch.setattr("castfem.post.plots.studies.save", lambda figure, path: kept.append(figure))
-    none = [Derivative("shell_mid_face", one.name, 0.0, 0.0) for one in FOUND.parameters]
-    some = (one for one in FOUND.derivatives if one.quantity != "shell_mid_face")
-    draw_tornado(replace(FOUND, derivatives=(*some, *none)), tmp_path / "none.png")
-    surface, shell = kept[0].axes
-    assert surface.axison and not surface.texts
-    assert not shell.axison and not shell.patches
-    assert shell.texts[0].get_text() == "shell, mid-face\ndepends on none of them"

@@ -47,9 +47,7 @@ class StrainSlopes(Marks):
     noted: list[tuple[float, list[float]]] = field(default_factory=list)
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Note the time, s, and the derivative by each parameter."""
         Marks.step(self, run, sample)
-        assert self.derivatives.coupled is not None
         slopes = self.derivatives.coupled.mechanical.slopes
         if slopes[0]:
             self.noted.append(
@@ -81,7 +79,6 @@ def test_a_half_space_has_the_derivatives_of_weiner_and_boley() -> None:
     marks = StrainSlopes(follow(simulation, list(SLOPES)))
     loop = TimeLoop(simulation, marks)
     loop.run()
-    assert marks.derivatives.coupled is not None and simulation.mechanics is not None
     slopes, points = (
         marks.derivatives.coupled.mechanical.slopes,
         simulation.mechanics.problem.points,
@@ -217,7 +214,6 @@ def test_a_form_changes_as_the_slice_moves(what: str) -> None:
     """By displacement and by two generalized strains, both motions at once."""
     simulation = build(short(), MPI.COMM_SELF)
     section, shape = simulation.section, simulation.problem.shape
-    assert shape is not None
     name, form = "heat.volume.moved", shape.volume
     if what == "perimeter":
         name, form = next(iter(simulation.zones.surface.forms().values()))

@@ -66,7 +66,6 @@ class ThermalSetup:
     tolerance: float = VERTEX.tight
 
     def __post_init__(self) -> None:
-        """Build section, problem and stepper."""
         self.section = Section(self.comm, self.mesh if self.comm.rank == 0 else None)
         shape = None
         if self.moves:
@@ -103,7 +102,6 @@ class ThermalSetup:
 
     def move(self, displacement: Callable[[Array], Array], axial: float = 0.0) -> ThermalSetup:
         """Displace the points x (3, n) by (2, n) and stretch the slice."""
-        assert self.problem.shape is not None
         self.displacement.interpolate(displacement)
         generalized_strains = np.array([axial, 0.0, 0.0, 0.0])
         self.problem.shape.take(self.displacement.x.array, generalized_strains)

@@ -116,8 +116,6 @@ def test_a_law_without_build_is_refused_where_it_is_defined() -> None:
     with pytest.raises(TypeError, match=r'Unbuilt \(law = "unbuilt"\) does not define build'):
 
         class Unbuilt(HeatLaw):
-            """Nothing."""
-
             law: Literal["unbuilt"]
 
     assert "unbuilt" not in HeatLaw.kinds

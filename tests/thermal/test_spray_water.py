@@ -204,7 +204,6 @@ def test_water_on_the_vertices_of_one_rank_bounds_the_step_of_all() -> None:
 
 def script() -> ModuleType:
     spec = importlib.util.spec_from_file_location("make_nozzles", SLAB / "make_nozzles.py")
-    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -17,13 +17,7 @@ from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.model import load_case
 from castfem.model.build.simulation import build
-from castfem.physics.coupling.step_control import (
-    Adaptive,
-    Proposal,
-    StepControl,
-    StepLength,
-    rung,
-)
+from castfem.physics.coupling.step_control import Adaptive, Proposal, StepControl, StepLength, rung
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.stepper import DAMPING, ThermalStepper
 from castfem.runs.loop import TimeLoop
@@ -268,7 +262,6 @@ class Temperatures:
         self.found: list[Array] = []
 
     def step(self, run: RunState, sample: object) -> None:
-        """Keep them."""
         self.found.append(run.state.thermal.point.temperature)
 
     @property

@@ -278,7 +278,6 @@ def test_it_shows_the_units_that_were_chosen(
     assert execute(["watch", str(folder), "--html", str(page), *more]) == 0
     (line,) = (one for one in capsys.readouterr().out.splitlines() if one.startswith("run:"))
     found = re.search(r"shell (\S+) (\S+)  surface (\S+) (\S+)", line)
-    assert found is not None
     last = rows(40)[-1]
     shell, surface = last["shell_mid_face"], last["surface_temperature_mid_face"]
     wanted = (1e-3 * shell, "m", surface + 273.15, "K")
