@@ -288,6 +288,13 @@ def blown_up(outside: str) -> tuple[Array, Array]:
     return places, problem._evaluate(local).forces.reshape(-1, 2) - pressed
 
 
+def test_liquid_is_held_on_the_deformed_surface() -> None:
+    """Its pressure and that from outside cancel."""
+    places, forces = blown_up("held")
+    inner = (places > 1e-9).all(axis=1)
+    assert np.abs(forces)[inner].max() < 1e-10 * HEAD * 0.1
+
+
 def test_head_of_a_vertical_machine() -> None:
     head = Machine(Steady(0.06)).head(7000.0)
     assert head(10.0) == pytest.approx(7000.0 * 9.81 * 0.6)
