@@ -6,6 +6,7 @@ The problem owns its vectors; SNES works on its own copies (the line search need
 from __future__ import annotations
 
 import ctypes
+import gc
 import math
 import re
 import weakref
@@ -263,30 +264,24 @@ class SnesSolver:
         self._raised: BaseException | None = None
         self._given_up = False
 
-    def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned | None:
-        """Charge a call from SNES to "python"; return None if it raises, or once one has raised.
+    def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned:
+        """Charge a call from SNES to "python"; keep its exception, which PETSc may replace.
 
-        The exception is kept for `solve` to raise: the error handling of petsc4py 3.22 may crash
-        on one that passes through PETSc. On several ranks it does pass, since a rank that alone has
-        an error must leave at once: in PETSc it would wait for the others, and they for it.
+        From there to the end of `solve` no garbage is searched for: Python 3.13 drops an exception
+        that is on its way, and petsc4py 3.22, which extends its traceback, crashes without one.
         """
-        if self._raised is not None:
-            return None
         self.watch.start("python")
         try:
             return method(*given)
-        except BaseException as error:  # reason: raised again by `solve`
+        except BaseException as error:
             self._raised = error
-            if self.snes.comm.size > 1:
-                raise
-            return None
+            gc.disable()
+            raise
         finally:
             self.watch.stop()
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         self._called_back(self.problem.residual, x, f)
-        if self._raised is not None:
-            f.set(math.nan)  # ends the solve
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         self._called_back(self.problem.jacobian, x, p)
@@ -305,8 +300,6 @@ class SnesSolver:
         reasons = PETSc.SNES.ConvergedReason
         found = snes.getSolution(), snes.getFunction()[0]
         sizes = self._called_back(self.problem.norms, *found)
-        if sizes is None:
-            return int(reasons.DIVERGED_FUNCTION_DOMAIN)
         self._history.append(sizes)
         if self._given_up:
             return int(reasons.DIVERGED_LINE_SEARCH)
@@ -332,6 +325,7 @@ class SnesSolver:
         """
         self._history = []
         self._raised, self._given_up = None, False
+        searching = gc.isenabled()
         with self.watch.section("petsc"), self._options.given():
             try:
                 self.snes.solve(None, self.x)
@@ -341,9 +335,10 @@ class SnesSolver:
                         raise
                     # What PETSc cannot do is told of only here: ILU of several ranks' matrix, say.
                     raise InputError(_refused(self._prefix, self._asked, str(error))) from error
-        if self._raised is not None:
-            raised, self._raised = self._raised, None  # no cycle with the frames of its traceback
-            raise raised
+                raise self._raised from None  # for example Ctrl-C in the middle of a solve
+            finally:
+                if searching:
+                    gc.enable()
         reason = self.snes.getConvergedReason()
         if self._given_up:
             reason = int(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
