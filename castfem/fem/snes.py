@@ -36,13 +36,21 @@ def weakly(method: Callable[..., Returned]) -> Callable[..., Returned]:
 
     Python's garbage collector does not see the references of PETSc's objects: a solver whose SNES
     holds its plain bound methods is never freed, nor are its matrices and MPI communicators.
+
+    After an exception no garbage is searched for until the solve ends (`SnesSolver.solve`): Python
+    3.13 drops an exception that is on its way, and petsc4py 3.22, which extends its traceback,
+    crashes without one.
     """
     reference = weakref.WeakMethod(method)
 
     def call(*arguments: Any) -> Returned:
         found = reference()
         assert found is not None  # it is solving, so it exists
-        return found(*arguments)
+        try:
+            return found(*arguments)
+        except BaseException:
+            gc.disable()
+            raise
 
     return call
 
@@ -265,17 +273,12 @@ class SnesSolver:
         self._given_up = False
 
     def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned:
-        """Charge a call from SNES to "python"; keep its exception, which PETSc may replace.
-
-        From there to the end of `solve` no garbage is searched for: Python 3.13 drops an exception
-        that is on its way, and petsc4py 3.22, which extends its traceback, crashes without one.
-        """
+        """Charge a call from SNES to "python"; keep its exception, which PETSc may replace."""
         self.watch.start("python")
         try:
             return method(*given)
         except BaseException as error:
             self._raised = error
-            gc.disable()
             raise
         finally:
             self.watch.stop()
