@@ -36,23 +36,31 @@ def weakly(method: Callable[..., Returned]) -> Callable[..., Returned]:
 
     Python's garbage collector does not see the references of PETSc's objects: a solver whose SNES
     holds its plain bound methods is never freed, nor are its matrices and MPI communicators.
-
-    After an exception no garbage is searched for until the solve ends (`SnesSolver.solve`): Python
-    3.13 drops an exception that is on its way, and petsc4py 3.22, which extends its traceback,
-    crashes without one.
     """
     reference = weakref.WeakMethod(method)
 
     def call(*arguments: Any) -> Returned:
         found = reference()
         assert found is not None  # it is solving, so it exists
-        try:
-            return found(*arguments)
-        except BaseException:
-            gc.disable()
-            raise
+        return found(*arguments)
 
     return call
+
+
+@contextmanager
+def _no_garbage_search() -> Iterator[None]:
+    """Hold off the garbage collector, for as long as an exception may pass through PETSc.
+
+    Python 3.13 drops an exception that is on its way when it searches for garbage, and petsc4py
+    3.22, which extends its traceback, crashes without one.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 class NonlinearProblem(Protocol):
@@ -328,8 +336,7 @@ class SnesSolver:
         """
         self._history = []
         self._raised, self._given_up = None, False
-        searching = gc.isenabled()
-        with self.watch.section("petsc"), self._options.given():
+        with self.watch.section("petsc"), self._options.given(), _no_garbage_search():
             try:
                 self.snes.solve(None, self.x)
             except PETSc.Error as error:
@@ -339,9 +346,6 @@ class SnesSolver:
                     # What PETSc cannot do is told of only here: ILU of several ranks' matrix, say.
                     raise InputError(_refused(self._prefix, self._asked, str(error))) from error
                 raise self._raised from None  # for example Ctrl-C in the middle of a solve
-            finally:
-                if searching:
-                    gc.enable()
         reason = self.snes.getConvergedReason()
         if self._given_up:
             reason = int(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
