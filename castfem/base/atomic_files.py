@@ -312,9 +312,7 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except (
-            NotImplementedError
-        ):  # reason: filelock < 4 says so that this file system has no locks
+        except NotImplementedError:  # reason: filelock < 4, where a file system has no locks
             return False
         except OSError as error:  # from version 4 on the error of flock() itself
             if error.errno in _NONE:
