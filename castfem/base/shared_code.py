@@ -45,11 +45,14 @@ def addresses(*arrays: NDArray[Any], of: type = float) -> list[int]:
     Raises:
         ValueError: One is not in one piece, or of other numbers.
     """
-    if not all(array.flags.c_contiguous for array in arrays):
-        raise ValueError("an array for compiled code must be in one piece")
-    if others := {str(array.dtype) for array in arrays if array.dtype != of}:
-        raise ValueError(f"an array for compiled code is of {', '.join(others)}, not {of.__name__}")
-    return [array.ctypes.data for array in arrays]
+    found = []
+    for array in arrays:
+        if not array.flags.c_contiguous:
+            raise ValueError("an array for compiled code must be in one piece")
+        if array.dtype != of:
+            raise ValueError(f"an array for compiled code is of {array.dtype}, not {of.__name__}")
+        found.append(array.ctypes.data)
+    return found
 
 
 def loaded(

@@ -11,7 +11,7 @@ import math
 import re
 import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
@@ -279,6 +279,7 @@ class SnesSolver:
         self._history: list[dict[str, float]] = []
         self._raised: BaseException | None = None
         self._given_up = False
+        self._has_factored = False  # after which PETSc reads no option any more
 
     def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned:
         """Charge a call from SNES to "python"; keep its exception, which PETSc may replace."""
@@ -336,7 +337,8 @@ class SnesSolver:
         """
         self._history = []
         self._raised, self._given_up = None, False
-        with self.watch.section("petsc"), self._options.given(), _no_garbage_search():
+        given = nullcontext() if self._has_factored else self._options.given()
+        with self.watch.section("petsc"), given, _no_garbage_search():
             try:
                 self.snes.solve(None, self.x)
             except PETSc.Error as error:
@@ -350,8 +352,9 @@ class SnesSolver:
         if self._given_up:
             reason = int(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
         name = self._names.get(reason, str(reason))
-        if self.snes.getIterationNumber() > 0:
+        if not self._has_factored and self.snes.getIterationNumber() > 0:
             self._options.tell_unread()
+            self._has_factored = True
         return SolveResult(reason > 0, self.snes.getIterationNumber(), name, self._history)
 
     def destroy(self) -> None:

@@ -124,9 +124,8 @@ class TimeLoop:
         zone = simulation.zones.index(run.state.time)
         if zone != run.zone:
             simulation.problem.set_cooling(simulation.zones.cooling(zone))
-            if run.zone >= 0:
-                step = simulation.steps.control.restart(run.state.step)
-                run.state = replace(run.state, step=step)
+            thermal = replace(run.state.thermal, cooling_changed=True)
+            run.state = replace(run.state, thermal=thermal)
             run.zone = zone
 
     def advance(self) -> None:

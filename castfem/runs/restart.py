@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,7 @@ def description(run: RunState) -> dict[str, Any]:
         # Infinite where a flux is prescribed, which JSON cannot express.
         "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
         "fed": thermal.fed,
+        "cooling_changed": thermal.cooling_changed,
         "counts": run.counts.stored(),
         "step": (run.state.step if mechanical is None else run.state.window).step,
         "substep": run.state.step.step,
@@ -79,6 +81,8 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
         meta["time"], enthalpy, rate, meta["removed"], meta["generated"], next_rate, filled,
         meta.get("fed", 0.0), allowed,
     )  # fmt: skip
+    changed = meta.get("cooling_changed", False)  # missing in an older checkpoint
+    thermal = replace(thermal, cooling_changed=changed)
     if thermal.filled.size:
         run.simulation.problem.fill(thermal.filled)
     mechanical = None

@@ -19,6 +19,7 @@ from castfem.model import load_case
 from castfem.model.build.simulation import build
 from castfem.physics.coupling.step_control import Adaptive, Proposal, StepControl, StepLength, rung
 from castfem.physics.thermal import flux_laws
+from castfem.physics.thermal.jump import Jump
 from castfem.physics.thermal.stepper import DAMPING, ThermalStepper
 from castfem.runs.loop import TimeLoop
 from castfem.runs.results.run_state import Counts, RunState
@@ -202,9 +203,38 @@ def test_failed_solver_cuts_back_and_a_fixed_step_recovers() -> None:
             control.failed(control.step, "DIVERGED_MAX_IT")
 
 
-def test_restart_begins_small_again() -> None:
+def test_a_change_of_cooling_begins_as_long_as_its_expected_error_allows() -> None:
     control = StepControl(10.0, adaptive=BOUNDS)
-    assert control.restart(StepLength(0.4)).step == BOUNDS.first
+
+    def begun(error_of_one_second: float, before: float = 0.4) -> float:
+        return control.restart(StepLength(before), lambda s: error_of_one_second * s**2).step
+
+    assert begun(1e9) == BOUNDS.first
+    assert begun(0.0) == 0.4
+    assert begun(0.0, BOUNDS.first) == BOUNDS.largest  # nothing has told of an error yet
+    allowed = (0.1 * BOUNDS.tolerance / 40.0) ** 0.5
+    assert allowed / 2**0.75 < begun(40.0) <= allowed
+    assert StepControl(10.0, fixed=0.2).restart(StepLength(0.2), lambda s: 1e9 * s).step == 0.2
+
+
+@pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
+def test_the_error_expected_after_a_change_is_the_one_of_a_single_mode(scheme: str) -> None:
+    """Hardly any conduction: the surface cools towards the ambient on its own."""
+    curve = constant_steel(1450.0, 1500.0, k=1e-6, datum=1400.0)
+    simulation = ThermalSetup(strip(0.02, 10), curve, 1400.0, scheme)
+    law = flux_laws.Convection(2e3, AMBIENT)
+    stepper = simulation.cool(("surface", law)).stepper
+    jump = Jump.of(stepper, replace(simulation.state, cooling_changed=True))
+    per_area = 2.0 / 0.002  # half of the first cell is cooled from one side
+    skin = np.argmin(jump.rate)
+    assert jump.rate[skin] == pytest.approx(-2e3 * (1400.0 - AMBIENT) * per_area, rel=1e-6)
+    assert jump.decay[skin] == pytest.approx(2e3 * per_area / (7200.0 * 700.0), rel=1e-6)
+    for step in (0.05, 0.5, 2.0):
+        found = stepper.step(jump.state(step), step)
+        assert found.error == pytest.approx(jump.errors(np.array([step]))[0], rel=1e-5, abs=1e-8)
+        assert not found.limited
+        if step == 0.05:  # with the rates before it is mostly the jump
+            assert stepper.step(simulation.state, step).error > 20.0 * found.error
 
 
 def test_step_accepted_at_the_smallest_goes_on_with_the_smallest() -> None:

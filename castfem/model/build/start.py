@@ -72,7 +72,7 @@ def through_mould(simulation: Simulation, state: ThermalState, end: float) -> Th
         zone = zones.index(state.time)
         if zone != entered:
             simulation.problem.set_cooling(zones.cooling(zone))
-            length = steps.control.restart(length)
+            state = replace(state, cooling_changed=True)
             entered = zone
         taken = steps.to(state, length, stop)
         state, length = taken.state, taken.length

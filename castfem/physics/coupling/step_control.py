@@ -14,8 +14,11 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
+from castfem.base.types import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,10 @@ class StepLimits:
     failed: float = 0.25  # factor on the step after a failure of the solver
     rounding: float = 1e-6  # rounding of a step, relative to the smallest
     rungs: tuple[float, ...] = (1.0, 1.25, 1.6)  # of the ladder, from one to its double
+    # of the allowed error, in the first step after a change of cooling, whose expected error leaves
+    # out what neighbouring vertices add
+    jump: float = 0.1
+    finer: float = 0.5  # of a doubling, between the lengths that are tried then
     strain: float = 1e-5  # default error of the axial strain in a window that has grown
 
 
@@ -228,8 +235,18 @@ class StepControl:
         """A step of at most this length, s; with fixed steps from the ladder."""
         return step if self._unit is None else rung(step, self._unit)
 
-    def restart(self, length: StepLength) -> StepLength:
-        """Reset the step length after a change of the cooling."""
+    def restart(self, length: StepLength, errors: Callable[[Array], Array]) -> StepLength:
+        """Return the step length after a change of the cooling.
+
+        Args:
+            length: Step length before it.
+            errors: Expected errors, K, of a first step of some lengths, s; they grow with them.
+        """
         if self._adaptive is None:
             return length
-        return replace(length, step=min(length.step, self._adaptive.first))
+        first = self._adaptive.first
+        longest = length.step if length.step > first else self._adaptive.largest
+        rungs = max(round(math.log2(longest / first) / LIMITS.finer), 0) + 1
+        steps: Array = np.geomspace(first, longest, rungs, dtype=float)
+        small = errors(steps) <= LIMITS.jump * self.tolerance
+        return replace(length, step=float(steps[small].max(initial=first)))

@@ -13,6 +13,7 @@ from castfem.base import log
 from castfem.base.constants import ROUNDING, same_instant
 from castfem.base.types import Array
 from castfem.physics.coupling.step_control import Proposal, StepControl, StepLength
+from castfem.physics.thermal.jump import Jump
 from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper
 
 if TYPE_CHECKING:
@@ -68,8 +69,13 @@ class ThermalSteps:
             RunFailure: A step of the smallest size failed.
         """
         rejected, kept = -1, False
+        jump = Jump.of(self.stepper, state) if state.cooling_changed else None
+        if jump is not None:
+            length = self.control.restart(length, jump.errors)
         while not kept:
             tried = self.control.propose(length, state.time, stop)
+            if jump is not None:
+                state = jump.state(tried.taken)
             result = self.stepper.step(state, tried.end)
             length, kept = self._judged(state, tried, result)
             rejected += 1

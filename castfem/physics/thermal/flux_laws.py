@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +20,48 @@ from castfem.base.constants import STEFAN_BOLTZMANN
 from castfem.base.types import Array
 from castfem.physics.thermal.mould_flux import Curve, with_slope
 from castfem.physics.thermal.spray_correlations import Correlation, flows_up_to
+from castfem.physics.thermal.surface_loop import CURVE, FIXED, RADIATION
+
+if TYPE_CHECKING:
+    from castfem.physics.thermal.spray_flux import CoefficientTable
+
+
+OfTemperature = float | Callable[[Array], Array]
+"""A number, or a function of temperatures (n,), K."""
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A term of the heat flux that `SurfaceHeat` evaluates; numbers are one, or one per vertex."""
+
+    kind: int  #: see `castfem.physics.thermal.surface_loop`
+    ambient: float  #: ambient temperature, K
+    #: coefficient, W/(m2 K); of a spray its water, kg/(m2 s); of radiation the resistance of gap
+    #: and wall, 0.75 a d + 1/eps_wall - 1 of (33)
+    number: float | Array = 0.0
+    factor: float | Array = 1.0  #: factor of the term
+    scale: float = 0.0  #: of radiation, m^2 sigma of (33), W/(m2 K4)
+    curve: OfTemperature | None = None  #: the coefficient, or the emissivity of the strand
+    table: CoefficientTable | None = None  #: of a spray
+
+    def times(self, factor: float) -> Term:
+        """The term, times a factor."""
+        return replace(self, factor=factor * self.factor)
 
 
 class SurfaceLaw(ABC):
-    """Interface of a law for the thermal problem; all methods are required."""
+    """Interface of a law for the thermal problem; all abstract methods are required."""
 
     __slots__ = ()
+
+    @property
+    def steady(self) -> bool:
+        """Whether flux and terms are the same at all times of a zone."""
+        return False
+
+    def terms(self, time: float) -> tuple[Term, ...] | None:
+        """Terms that add up to the flux at a time, s; None if it is no such sum."""
+        return None
 
     @abstractmethod
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
@@ -58,7 +95,7 @@ class SurfaceLaw(ABC):
 class Convection(SurfaceLaw):
     """h(T) (T - Ta): convection (35), (30); `coefficient` is a number or a function of T (K)."""
 
-    coefficient: float | Callable[[Array], Array]
+    coefficient: OfTemperature
     ambient: float
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
@@ -68,6 +105,17 @@ class Convection(SurfaceLaw):
             return self.coefficient * excess, np.full_like(temperature, self.coefficient)
         h, slope = with_slope(self.coefficient, temperature)
         return h * excess, h + slope * excess
+
+    @property
+    def steady(self) -> bool:
+        """See `SurfaceLaw.steady`."""
+        return True
+
+    def terms(self, time: float) -> tuple[Term, ...]:
+        """See `SurfaceLaw.terms`."""
+        if callable(self.coefficient):
+            return (Term(CURVE, self.ambient, curve=self.coefficient),)
+        return (Term(FIXED, self.ambient, self.coefficient),)
 
     def least_rise(self, temperatures: Array, time: float) -> float:
         """See `SurfaceLaw.least_rise`."""
@@ -214,9 +262,9 @@ class Radiation(SurfaceLaw):
             it.
     """
 
-    emissivity: float | Callable[[Array], Array]
+    emissivity: OfTemperature
     ambient: float
-    wall_emissivity: float | Callable[[Array], Array] = 1.0
+    wall_emissivity: OfTemperature = 1.0
     refractive_index: float = 1.0
     absorption: float = 0.0
     gap: float | Array | None = None
@@ -235,22 +283,46 @@ class Radiation(SurfaceLaw):
         With c = 0.75 a d + 1/eps_wall - 1 it is m^2 sigma eps / (1 + c eps), with eps of the
         strand.
         """
-        given: float | Array | Callable[[Array], Array] = self.emissivity
+        given: Array | OfTemperature = self.emissivity
         strand, rise = with_slope(given, temperature) if callable(given) else (given, 0.0)
-        wall = self.wall_emissivity
-        if callable(wall):  # the wall has the ambient temperature
-            wall = float(wall(np.array([self.ambient]))[0])
-        if wall == 0.0:  # infinite resistance: no radiation
+        between = self._between()
+        if between is None:
             return np.zeros_like(temperature), np.zeros_like(temperature)
-        between: float | Array = 1.0 / wall - 1.0
-        if self.absorption and self.gap is not None:
-            between = between + 0.75 * self.absorption * np.maximum(self.gap, 0.0)
         less = 1.0 + between * strand
-        per_emissivity = self.refractive_index**2 * STEFAN_BOLTZMANN / less
+        per_emissivity = self._scale / less
         gamma = np.asarray(per_emissivity * strand)
         if gamma.shape != temperature.shape:
             gamma = np.broadcast_to(gamma, temperature.shape)
         return gamma, np.asarray(per_emissivity * rise / less)
+
+    @property
+    def _scale(self) -> float:
+        """m^2 sigma, W/(m2 K4)."""
+        return self.refractive_index**2 * STEFAN_BOLTZMANN
+
+    def _between(self) -> float | Array | None:
+        """0.75 a d + 1/eps_wall - 1; None if it is infinite, so that nothing is radiated."""
+        wall = self.wall_emissivity
+        if callable(wall):  # the wall has the ambient temperature
+            wall = float(wall(np.array([self.ambient]))[0])
+        if wall == 0.0:
+            return None
+        between: float | Array = 1.0 / wall - 1.0
+        if self.absorption and self.gap is not None:
+            between = between + 0.75 * self.absorption * np.maximum(self.gap, 0.0)
+        return between
+
+    @property
+    def steady(self) -> bool:
+        """See `SurfaceLaw.steady`."""
+        return True
+
+    def terms(self, time: float) -> tuple[Term, ...]:
+        """See `SurfaceLaw.terms`."""
+        between = self._between()
+        if between is None:
+            return ()
+        return (Term(RADIATION, self.ambient, between, scale=self._scale, curve=self.emissivity),)
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""

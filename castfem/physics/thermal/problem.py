@@ -53,6 +53,7 @@ from castfem.physics.thermal.operators import (
     iterative_options,
 )
 from castfem.physics.thermal.stage import LIMITS, VERTEX, Held, Stage
+from castfem.physics.thermal.surface_heat import SurfaceHeat
 
 LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
 
@@ -86,6 +87,7 @@ class ThermalProblem:
         filled: Volume of its steel, relative to the undeformed slice (owned,).
         volume: Product of both, M (owned,), m2.
         warming: Fastest temperature rise by heat generated inside, K/s.
+        cooling: Present cooling. surface_heat: Heat that leaves the surface with it.
         iterations: Total Newton iterations. stages: Number of stages solved.
     """
 
@@ -142,6 +144,7 @@ class ThermalProblem:
             assert self._operators.conduction is not None
             assemble_into(self._laplacian, self._operators.conduction, [])
         self._scale_operators()
+        self.surface_heat = SurfaceHeat(self.cooling)
         self._state = self._evaluate(self._state.enthalpy)
 
     def fill(self, filled: Array) -> None:
@@ -150,7 +153,7 @@ class ThermalProblem:
 
     def set_cooling(self, cooling: Cooling) -> None:
         """Cool the surface by `cooling` from now on."""
-        self.cooling = cooling
+        self.cooling, self.surface_heat = cooling, SurfaceHeat(cooling)
         dofs = [patch.dofs for patch, _ in cooling.prescribed]
         values = [np.full(len(patch.dofs), law.value) for patch, law in cooling.prescribed]
         self._fixed = np.concatenate(dofs) if dofs else np.zeros(0, np.int64)
@@ -241,14 +244,11 @@ class ThermalProblem:
             self._laplacian.mult(self._theta, self._work)
         flow = self._work.getArray() - self._source
         slope = np.zeros_like(flow)
-        out = gross = 0.0
-        for patch, law in self.cooling.laws:
-            q, dq = law.flux(point.temperature[patch.dofs], self._time)
-            heat = patch.weights * q
-            flow[patch.dofs] += heat
-            slope[patch.dofs] += patch.weights * dq
-            out += float(heat.sum())
-            gross += float(np.abs(heat).sum())
+        heat, rise = self.surface_heat.at(point.temperature, self._time)
+        cooled = self.surface_heat.vertices
+        flow[cooled] += heat
+        slope[cooled] = rise
+        out, gross = float(heat.sum()), float(np.abs(heat).sum())
         return _State(enthalpy.copy(), point, flow, slope, out, gross)
 
     def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
@@ -335,14 +335,34 @@ class ThermalProblem:
         other.fill(self.filled)
         return other
 
+    def rate(self, point: CurvePoint, time: float) -> tuple[Array, Array]:
+        """How fast the steel warms at given temperatures with the present cooling.
+
+        Args:
+            point: Values of the curve at the vertices.
+            time: Time since the meniscus, s.
+
+        Returns:
+            dH/dt (owned,), W/m3, and how fast it decays while the other vertices keep their
+            temperatures (owned,), 1/s.  Both are 0 where the temperature is prescribed.
+        """
+        flow, slope = self.conducted(point.conduction) - self._source, np.zeros_like(self.area)
+        cooled = self.surface_heat.vertices
+        heat, slope[cooled] = self.surface_heat.at(point.temperature, time)
+        flow[cooled] += heat
+        steeper = (
+            self._laplacian_diagonal * point.conduction_slope + slope * point.temperature_slope
+        )
+        flow[self._fixed] = steeper[self._fixed] = 0.0
+        return -flow / self.volume, np.maximum(steeper, 0.0) / self.volume
+
     def surface_flow(self, point: CurvePoint, rate: Array, time: float) -> Array:
         """Heat leaving the strand at each vertex (owned,), W/m; zero inside.
 
         With a prescribed temperature it is the residual of the heat balance.
         """
         flow = np.zeros_like(self.area)
-        for patch, law in self.cooling.laws:
-            flow[patch.dofs] += patch.weights * law.flux(point.temperature[patch.dofs], time)[0]
+        flow[self.surface_heat.vertices] = self.surface_heat.at(point.temperature, time)[0]
         if self.cooling.prescribed:
             self._theta.setArray(point.conduction)
             self._laplacian.mult(self._theta, self._work)

@@ -14,10 +14,12 @@ from typing import Protocol
 
 import numpy as np
 
+from castfem.base.tables import Constant
 from castfem.base.types import Array, Indices
-from castfem.physics.thermal.flux_laws import SurfaceLaw
+from castfem.physics.thermal.flux_laws import SurfaceLaw, Term
 from castfem.physics.thermal.mould_flux import with_slope
 from castfem.physics.thermal.spray_correlations import Correlation, flows_up_to
+from castfem.physics.thermal.surface_loop import SPRAY, packed
 
 
 class Coefficient(Hashable, Protocol):
@@ -63,6 +65,11 @@ class CoefficientTable:
     @cached_property
     def _arrays(self) -> tuple[Array, Array, Array]:
         return np.array(self.temperatures), np.array(self.water), np.array(self.values, float)
+
+    @cached_property
+    def packed(self) -> Array:
+        """The whole table in one piece, for compiled code."""
+        return packed(*self._arrays)
 
     @property
     def most(self) -> float:
@@ -181,6 +188,35 @@ class SprayWater(SurfaceLaw):
         coefficients = [row.coefficient for row in self.rows]
         return _flux(coefficients, self.flows(time), self.water_temperature, temperature)
 
+    @property
+    def steady(self) -> bool:
+        """See `SurfaceLaw.steady`."""
+        return all(isinstance(row.flow, Constant) for row in self.rows)
+
+    def terms(self, time: float) -> tuple[Term, ...] | None:
+        """See `SurfaceLaw.terms`: one for each nozzle model, at the total water."""
+        parts: dict[int, tuple[CoefficientTable, Array]] = {}
+        for row, flow in zip(self.rows, self.flows(time), strict=True):
+            table = row.coefficient
+            if not isinstance(table, CoefficientTable):
+                return None
+            before = parts.get(id(table), (table, 0.0))[1]
+            parts[id(table)] = table, before + flow
+        total = np.sum([flow for _, flow in parts.values()], axis=0)
+        wet = total > 0.0
+        weights = (
+            [1.0]
+            if len(parts) == 1
+            else [
+                np.divide(flow, total, out=np.zeros_like(total), where=wet)
+                for _, flow in parts.values()
+            ]
+        )
+        return tuple(
+            Term(SPRAY, self.water_temperature, total, weight, table=table)
+            for (table, _), weight in zip(parts.values(), weights, strict=True)
+        )
+
     def least_rise(self, temperatures: Array, time: float) -> Array:
         """See `SurfaceLaw.least_rise` (n,): of all flows up to the largest, of each nozzle model.
 
@@ -262,6 +298,21 @@ class RollShare(SurfaceLaw):
     @property
     def _factor(self) -> float:
         return self.share / (1.0 - self.share) / self.length
+
+    @property
+    def steady(self) -> bool:
+        """See `SurfaceLaw.steady`."""
+        return all(law.steady for _, law in self.beside)
+
+    def terms(self, time: float) -> tuple[Term, ...] | None:
+        """See `SurfaceLaw.terms`."""
+        found: list[Term] = []
+        for length, law in self.beside:
+            terms = law.terms(time)
+            if terms is None:
+                return None
+            found += [term.times(self._factor * length) for term in terms]
+        return tuple(found)
 
     def least_rise(self, temperatures: Array, time: float) -> float | Array:
         """See `SurfaceLaw.least_rise`: at least that of all laws together."""

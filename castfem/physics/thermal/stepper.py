@@ -13,13 +13,14 @@ backward Euler in equal parts, with which no vertex overshoots.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
 from castfem.fem import reductions
-from castfem.physics.materials.curve import CurvePoint
+from castfem.physics.materials.curve import CurvePoint, Side, ThermalCurve
 from castfem.physics.thermal.problem import ThermalProblem
 from castfem.physics.thermal.stage import Stage
 from castfem.physics.thermal.unique_root import Branch
@@ -88,6 +89,8 @@ class ThermalState:
     filled: Array = field(default_factory=lambda: np.zeros(0))
     #: heat brought along by fed liquid (negative: colder than poured), J/m
     fed: float = 0.0
+    #: whether the cooling has changed at this time, so that both rates are those before
+    cooling_changed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +126,6 @@ class ThermalStepper:
         self.comm = problem.section.comm
         self._branch = Branch(problem)
         self._slack = max(RANGE.rounding, RANGE.solver * problem.tolerance)
-        # Curve, temperature bounds, K, and the corresponding enthalpies, J/m3.
-        self._within = (problem.curve, (np.nan, np.nan)), (np.nan, np.nan)
 
     def initial(self, temperature: float) -> ThermalState:
         """State of the slice at a uniform temperature (K) at the meniscus."""
@@ -294,11 +295,8 @@ class ThermalStepper:
     def _enthalpies(self, bounds: tuple[float, float]) -> tuple[float, float]:
         """Enthalpies that correspond to temperature bounds, K, J/m3."""
         curve = self.problem.curve
-        if self._within[0] != (curve, bounds):  # they are constant over many steps
-            low, high = np.clip(bounds, curve.knots[0], curve.knots[-1])
-            found = float(curve.enthalpy(low, "left")), float(curve.enthalpy(high))
-            self._within = (curve, bounds), found
-        return self._within[1]
+        low, high = (min(max(t, curve.knots[0]), curve.knots[-1]) for t in bounds)
+        return _enthalpy(curve, low, "left"), _enthalpy(curve, high, "right")
 
     @staticmethod
     def _guess(old: Array, rate: Array, tau: float, within: tuple[float, float]) -> Array:
@@ -371,3 +369,9 @@ class ThermalStepper:
         kelvin = np.abs(dt * change * stages[-1].point.temperature_slope)
         kelvin[self.problem.fixed] = 0.0  # a prescribed temperature is exact, even if it jumps
         return reductions.largest(self.comm, kelvin)
+
+
+@lru_cache(maxsize=16)  # bounds are the same over many steps, above all the lower one
+def _enthalpy(curve: ThermalCurve, kelvin: float, side: Side) -> float:
+    """H at a temperature, J/m3; see `ThermalCurve.enthalpy`."""
+    return float(curve.enthalpy(kelvin, side))

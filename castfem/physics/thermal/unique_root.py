@@ -73,13 +73,11 @@ class Branch:
 
     def _on_the_way(self, old: Array, new: Array, time: float) -> Array:
         """Smallest rise of the heat leaving each vertex along its way (owned,), W/m K."""
-        sharpest = np.zeros_like(old)
+        sharpest, surface = np.zeros_like(old), self._problem.surface_heat
+        cooled = surface.vertices
         for share in np.linspace(0.0, 1.0, 33):
             at = old + share * (new - old)
-            slope = np.zeros_like(old)
-            for patch, law in self._problem.cooling.laws:
-                slope[patch.dofs] += patch.weights * law.flux(at[patch.dofs], time)[1]
-            sharpest = np.minimum(sharpest, slope)
+            sharpest[cooled] = np.minimum(sharpest[cooled], surface.at(at, time)[1])
         return sharpest
 
     def _bound(self, warming: Array, slope: Array) -> float:
