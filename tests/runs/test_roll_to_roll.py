@@ -184,7 +184,7 @@ def test_a_roll_takes_its_share() -> None:
 
 def test_it_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     """In the middle of a spray, byte for byte."""
-    case = rolled(thermal__time={"adaptive": {"first": "50 ms"}}, casting__length="0.7 m")
+    case = rolled(thermal__time={"adaptive": {"tolerance": "0.05 K"}}, casting__length="0.7 m")
     whole = history_of(case, tmp_path / "whole")
     assert whole == history_of(case, tmp_path / "parts", 60) and whole.count(b"\n") > 80
 
