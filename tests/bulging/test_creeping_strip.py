@@ -176,7 +176,8 @@ def test_the_error_that_is_told_holds_the_true_one(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(CreepingStrip, "periodic", failing)
     without = CreepingStrip(law, steps=steps).bulge(SPAN, SHELL)
-    assert without.largest == bulge.largest and without.error > 3.0 * told
+    assert without.largest == pytest.approx(bulge.largest, rel=1e-5)  # it begins elsewhere
+    assert without.error > 3.0 * told
 
 
 def test_exponents_of_pitch_speed_and_pressure() -> None:

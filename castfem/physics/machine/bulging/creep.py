@@ -127,23 +127,24 @@ class CreepingStrip:
         if not span.pressure > 0.0:
             return Bulge.none(span, shell)
         layers = Layers(self.law, shell.points(self.layers, shell.breaks(self.law)))
-        coarse, _ = self.periodic(layers, span, self.steps // 2)
-        guess = None if accumulates(self.law) else coarse
-        fine, periodic = self.periodic(layers, span, self.steps, guess)
-        coarser = coarsest(self.steps, lambda n: self._at_rest(layers, span, n, guess))
+        # Each begins where the one with half as many steps has ended; most passes are of the first.
+        coarser = coarsest(self.steps, lambda n: self._at_rest(layers, span, n))
+        grows = accumulates(self.law)
+        coarse, _ = self.periodic(layers, span, self.steps // 2, None if grows else coarser)
+        fine, periodic = self.periodic(layers, span, self.steps, None if grows else coarse)
         force = np.array([span.pressure * span.length])
         if yields := self.compliance(layers):
             coarse, fine = (one.sheared(span, yields) for one in (coarse, fine))
             coarser = None if coarser is None else coarser.sheared(span, yields)
         bulge = replace(extrapolated(coarse, fine, layers, coarser), roll_force=force)
-        if periodic or accumulates(self.law):
+        if periodic or grows:
             return replace(bulge, periodic=periodic)
         missing = fine.change * fine.size  # remaining change from pass to pass
         return replace(bulge, periodic=False, error=bulge.error + missing)
 
-    def _at_rest(self, layers: Layers, span: Span, steps: int, guess: Pitch | None) -> Pitch | None:
+    def _at_rest(self, layers: Layers, span: Span, steps: int) -> Pitch | None:
         """The periodic pitch; None if it is not yet periodic, so that it has no error estimate."""
-        found, periodic = self.periodic(layers, span, steps, guess)
+        found, periodic = self.periodic(layers, span, steps)
         return found if periodic or accumulates(self.law) else None
 
     def periodic(
