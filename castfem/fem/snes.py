@@ -279,7 +279,7 @@ class SnesSolver:
         self._history: list[dict[str, float]] = []
         self._raised: BaseException | None = None
         self._given_up = False
-        self._has_factored = False  # after which PETSc reads no option any more
+        self._has_factored = False  # after which PETSc reads none of castfem's own options again
 
     def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned:
         """Charge a call from SNES to "python"; keep its exception, which PETSc may replace."""
@@ -337,7 +337,8 @@ class SnesSolver:
         """
         self._history = []
         self._raised, self._given_up = None, False
-        given = nullcontext() if self._has_factored else self._options.given()
+        known = self._has_factored and not self._asked
+        given = nullcontext() if known else self._options.given()
         with self.watch.section("petsc"), given, _no_garbage_search():
             try:
                 self.snes.solve(None, self.x)

@@ -44,7 +44,8 @@ class Adaptive(TableModel):
     tolerance: PositiveDifference = written("0.5 K")
     """allowed error of one step"""
     first: Time = written("1 ms")
-    """least first step, also after each change of cooling: longer where its error allows"""
+    """shortest first step, at the meniscus and after each change of cooling; longer where the
+    expected error allows"""
     smallest: Time = written("0.01 ms")
     """smallest step; the run fails below it"""
     largest: Time = written("2 s")

@@ -136,6 +136,32 @@ def test_options_bind_one_solver_while_it_solves() -> None:
     assert set(seen) == {"80"} and set(others) == {"33"}
 
 
+@pytest.mark.parametrize(
+    ("asked", "expected"), [((), [True, False]), (("ksp_type",), [True, True])]
+)
+def test_what_a_user_asks_for_is_there_at_each_solve(
+    monkeypatch: pytest.MonkeyPatch, asked: tuple[str, ...], expected: list[bool]
+) -> None:
+    """PETSc reads some options at each solve, but none of castfem's own."""
+    problem, there, whole = Square(2.0), [], Square.jacobian
+
+    def jacobian(self: Square, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        there.append(PETSc.Options().hasName("square_ksp_type"))
+        whole(self, x, out)
+
+    monkeypatch.setattr(Square, "jacobian", jacobian)
+    options = {"ksp_type": "preonly", "pc_type": "lu"}
+    one = SnesSolver(problem, problem.vector, problem.matrix, "square_", options, asked=asked)
+    found = []
+    for _ in expected:
+        there.clear()
+        one.x.set(1.0)
+        assert one.solve().converged
+        found.append(all(there))
+    assert found == expected
+    one.destroy()
+
+
 def test_options_go_when_a_callback_raises(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Square(2.0)
     made = solver(problem, mat_mumps_icntl_14=80)

@@ -212,9 +212,19 @@ def test_a_change_of_cooling_begins_as_long_as_its_expected_error_allows() -> No
     assert begun(1e9) == BOUNDS.first
     assert begun(0.0) == 0.4
     assert begun(0.0, BOUNDS.first) == BOUNDS.largest  # nothing has told of an error yet
+    assert begun(0.0, BOUNDS.first / 3.0) == BOUNDS.first  # shortened for another error before
     allowed = (0.1 * BOUNDS.tolerance / 40.0) ** 0.5
     assert allowed / 2**0.75 < begun(40.0) <= allowed
     assert StepControl(10.0, fixed=0.2).restart(StepLength(0.2), lambda s: 1e9 * s).step == 0.2
+
+
+def test_a_prescribed_temperature_is_expected_to_cool_its_neighbours() -> None:
+    curve = constant_steel(1450.0, 1500.0, datum=1400.0)
+    simulation = ThermalSetup(strip(0.02, 10), curve, 1400.0)
+    simulation.cool(("surface", flux_laws.PrescribedTemperature(500.0)))
+    jump = Jump.of(simulation.stepper, replace(simulation.state, cooling_changed=True))
+    short, long = jump.errors(np.array([1e-3, 2.0]))
+    assert 0.0 < short < 1e-3 and long > 10.0
 
 
 @pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])

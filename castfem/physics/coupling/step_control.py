@@ -31,10 +31,10 @@ class StepLimits:
     failed: float = 0.25  # factor on the step after a failure of the solver
     rounding: float = 1e-6  # rounding of a step, relative to the smallest
     rungs: tuple[float, ...] = (1.0, 1.25, 1.6)  # of the ladder, from one to its double
-    # of the allowed error, in the first step after a change of cooling, whose expected error leaves
-    # out what neighbouring vertices add
+    # largest expected error of the first step after a change of cooling, as a fraction of the
+    # allowed error; the expected error leaves out what neighbouring vertices add
     jump: float = 0.1
-    finer: float = 0.5  # of a doubling, between the lengths that are tried then
+    finer: float = 0.5  # ratio of the lengths considered for that step, as a power of two
     strain: float = 1e-5  # default error of the axial strain in a window that has grown
 
 
@@ -58,7 +58,7 @@ class Adaptive:
     """Error-controlled stepping."""
 
     tolerance: float  #: allowed temperature error of a step, K
-    first: float  #: first step after the meniscus and each change of cooling, s
+    first: float  #: shortest first step, at the meniscus and after each change of cooling, s
     smallest: float  #: smallest step, s; the run stops if it is still too long
     largest: float  #: largest step, s
 
@@ -245,7 +245,8 @@ class StepControl:
         if self._adaptive is None:
             return length
         first = self._adaptive.first
-        longest = length.step if length.step > first else self._adaptive.largest
+        # At the start of a run no step has told of an error yet.
+        longest = self._adaptive.largest if length == self.first else max(length.step, first)
         rungs = max(round(math.log2(longest / first) / LIMITS.finer), 0) + 1
         steps: Array = np.geomspace(first, longest, rungs, dtype=float)
         small = errors(steps) <= LIMITS.jump * self.tolerance

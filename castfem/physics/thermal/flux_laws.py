@@ -32,17 +32,17 @@ OfTemperature = float | Callable[[Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A term of the heat flux that `SurfaceHeat` evaluates; numbers are one, or one per vertex."""
+    """A term of a heat flux, for `SurfaceHeat`; an array has one number per vertex (n,)."""
 
-    kind: int  #: see `castfem.physics.thermal.surface_loop`
+    kind: int  #: one of those of `castfem.physics.thermal.surface_loop`
     ambient: float  #: ambient temperature, K
-    #: coefficient, W/(m2 K); of a spray its water, kg/(m2 s); of radiation the resistance of gap
-    #: and wall, 0.75 a d + 1/eps_wall - 1 of (33)
+    #: FIXED: coefficient, W/(m2 K). SPRAY: water, kg/(m2 s). RADIATION: resistance of gap and wall,
+    #: 0.75 a d + 1/eps_wall - 1 of (33).
     number: float | Array = 0.0
     factor: float | Array = 1.0  #: factor of the term
-    scale: float = 0.0  #: of radiation, m^2 sigma of (33), W/(m2 K4)
-    curve: OfTemperature | None = None  #: the coefficient, or the emissivity of the strand
-    table: CoefficientTable | None = None  #: of a spray
+    scale: float = 0.0  #: RADIATION: m^2 sigma of (33), W/(m2 K4)
+    curve: OfTemperature | None = None  #: CURVE: coefficient, W/(m2 K). RADIATION: emissivity.
+    table: CoefficientTable | None = None  #: SPRAY: coefficients over temperature and water
 
     def times(self, factor: float) -> Term:
         """The term, times a factor."""
@@ -60,7 +60,10 @@ class SurfaceLaw(ABC):
         return False
 
     def terms(self, time: float) -> tuple[Term, ...] | None:
-        """Terms that add up to the flux at a time, s; None if it is no such sum."""
+        """Terms that add up to the flux at a time, s; None if it is no such sum.
+
+        `SurfaceHeat` takes them instead of `flux`: a subclass with another flux has other terms.
+        """
         return None
 
     @abstractmethod

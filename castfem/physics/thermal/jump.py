@@ -1,10 +1,9 @@
 """A jump of the rates where the cooling changes: how long the first step after it may be.
 
-With the rates before the jump, the estimated error of that step would be mostly the jump itself,
-and a step short enough for any case would have to begin each zone. With the rates after it, each
-vertex is taken for a mode that begins with the jump and decays as the balance of the vertex does
-while its neighbours keep their temperatures. For such a mode both the stages of a step and its
-estimated error are known.
+With the rates before the jump the estimated error of that step would be mostly the jump itself.
+With the rates after it, each vertex is treated as if it alone returned exponentially to its heat
+balance with the new cooling: then the rates of a step's stages are known, and with them its
+estimated error for any length of the step.
 """
 
 from __future__ import annotations
@@ -30,7 +29,12 @@ class Jump:
     @classmethod
     def of(cls, stepper: ThermalStepper, state: ThermalState) -> Jump:
         """The jump at a state, with the present cooling, gaps and shape."""
-        return cls(stepper, state, *stepper.problem.rate(state.point, state.time))
+        problem, point = stepper.problem, state.point
+        if problem.cooling.prescribed:  # its neighbours feel the new temperature at once
+            enthalpy = state.enthalpy.copy()
+            enthalpy[problem.fixed] = problem.fixed_enthalpy
+            point = problem.curve.at(enthalpy)
+        return cls(stepper, state, *problem.rate(point, state.time))
 
     def errors(self, steps: Array) -> Array:
         """Expected errors of a first step (n,), K, for its length (n,), s (collective)."""
@@ -47,7 +51,6 @@ class Jump:
 
     def state(self, step: float) -> ThermalState:
         """The state with the rates after the jump, for a first step of a length, s."""
-        expected = self.before.rate + (self.rate - self.before.rate) / (
-            1.0 + GAMMA * step * self.decay
-        )
+        tau = (GAMMA if self.stepper.scheme == "sdirk2" else 1.0) * step
+        expected = self.before.rate + (self.rate - self.before.rate) / (1.0 + tau * self.decay)
         return replace(self.before, rate=self.rate, next_rate=expected, cooling_changed=False)

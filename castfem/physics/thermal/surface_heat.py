@@ -13,6 +13,7 @@ from castfem.base.types import Array, Indices
 from castfem.physics.thermal.boundary import Cooling, Patch
 from castfem.physics.thermal.flux_laws import OfTemperature, SurfaceLaw
 from castfem.physics.thermal.mould_flux import with_slope
+from castfem.physics.thermal.spray_flux import CoefficientTable
 from castfem.physics.thermal.surface_loop import COLUMNS, add_up
 
 
@@ -40,7 +41,7 @@ class SurfaceHeat:
         self._laws, self._time, self._steady = laws, time, True
         self._others: list[tuple[Indices, Array, SurfaceLaw]] = []
         curves: dict[OfTemperature, int] = {}
-        tables: dict[int, int] = {}
+        tables: dict[int, tuple[int, CoefficientTable]] = {}
         places: list[Indices] = [np.zeros(0, np.int64)]
         blocks: list[Array] = [np.zeros((0, COLUMNS))]
         contents: list[Array] = [np.zeros(0)]
@@ -56,9 +57,9 @@ class SurfaceHeat:
                     which = curves.setdefault(term.curve, len(curves))
                 elif term.table is not None:
                     if id(term.table) not in tables:
-                        tables[id(term.table)] = sum(len(one) for one in contents)
+                        tables[id(term.table)] = sum(map(len, contents)), term.table
                         contents.append(term.table.packed)
-                    which = tables[id(term.table)]
+                    which = tables[id(term.table)][0]
                 block = np.empty((len(local), COLUMNS))
                 block[:, 0], block[:, 1] = term.kind, patch.weights * term.factor
                 block[:, 2], block[:, 3] = term.ambient, term.number

@@ -18,7 +18,7 @@ from castfem.base.shared_code import addresses, loaded
 from castfem.base.types import Array, Indices
 
 FIXED, CURVE, RADIATION, SPRAY = range(4)
-"""Kinds of a term: a coefficient, fixed, over temperature or of a spray, and radiation (32)."""
+"""Kinds: a fixed coefficient, one over temperature, radiation (32), the table of a spray."""
 COLUMNS = 6
 """Of a term: kind, factor (m), ambient (K), number, scale, and its curve or start of its table."""
 
