@@ -53,8 +53,7 @@ class Profile:
 
     def cell_at(self, level: float) -> float:
         """Size of the cell in which `level` (K) is first crossed, m; NaN if it is not."""
-        hot = self.temperature >= level
-        i = int(np.argmax(hot))
+        i = int((self.temperature >= level).argmax())
         return float(self.cell[i]) if i > 0 and self.cell is not None else np.nan
 
     def isotherm_depth(self, level: float) -> float:
@@ -63,11 +62,9 @@ class Profile:
         0 if the surface is at or above the level, the whole length if all of the line is below.
         """
         hot = self.temperature >= level
-        if not hot.any():
-            return float(self.depth[-1])
-        i = int(np.argmax(hot))
+        i = int(hot.argmax())
         if i == 0:
-            return 0.0
+            return 0.0 if hot[0] else float(self.depth[-1])
         ends = self.temperature[i - 1 : i + 1]
         if self.conducts is None:
             (v0, v1), v = ends, level
@@ -157,7 +154,7 @@ class LineProbes:
 
     def _per_line(self, values: Array) -> list[Array]:
         """Values of all samples, line by line."""
-        return np.split(values, len(self.lines)) if self.lines else []
+        return list(values.reshape(len(self.lines), -1)) if self.lines else []
 
     def sample(self, owned: Array, conduction: Array | None = None) -> dict[str, Profile]:
         """Temperature profiles along every line, on every rank (collective).
