@@ -6,6 +6,8 @@ Most laws are sums of a few kinds of terms, which one compiled loop adds up for 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
@@ -13,8 +15,10 @@ from castfem.base.types import Array, Indices
 from castfem.physics.thermal.boundary import Cooling, Patch
 from castfem.physics.thermal.flux_laws import OfTemperature, SurfaceLaw
 from castfem.physics.thermal.mould_flux import with_slope
-from castfem.physics.thermal.spray_flux import CoefficientTable
 from castfem.physics.thermal.surface_loop import COLUMNS, add_up
+
+if TYPE_CHECKING:
+    from castfem.physics.thermal.spray_flux import CoefficientTable
 
 
 class SurfaceHeat:
