@@ -35,7 +35,8 @@ def smallest(comm: MPI.Comm, array: npt.NDArray[np.float64]) -> float:
 
 def largest(comm: MPI.Comm, array: npt.NDArray[np.float64]) -> float:
     """Largest entry over all ranks, NaN if any is NaN; a rank may have no entries."""
-    return float(largest_of(comm, [array.max() if array.size else -np.inf])[0])
+    own = float(array.max()) if array.size else -np.inf
+    return own if comm.size == 1 else float(largest_of(comm, [own])[0])
 
 
 def peak(

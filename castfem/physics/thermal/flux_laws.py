@@ -54,10 +54,9 @@ class SurfaceLaw(ABC):
 
     __slots__ = ()
 
-    @property
-    def steady(self) -> bool:
-        """Whether flux and terms are the same at all times of a zone."""
-        return False
+    def setting(self, time: float) -> tuple[float, ...]:
+        """All that changes with time in the terms, such as flows of water, at a time, s."""
+        return ()
 
     def terms(self, time: float) -> tuple[Term, ...] | None:
         """Terms that add up to the flux at a time, s; None if it is no such sum.
@@ -108,11 +107,6 @@ class Convection(SurfaceLaw):
             return self.coefficient * excess, np.full_like(temperature, self.coefficient)
         h, slope = with_slope(self.coefficient, temperature)
         return h * excess, h + slope * excess
-
-    @property
-    def steady(self) -> bool:
-        """See `SurfaceLaw.steady`."""
-        return True
 
     def terms(self, time: float) -> tuple[Term, ...]:
         """See `SurfaceLaw.terms`."""
@@ -314,11 +308,6 @@ class Radiation(SurfaceLaw):
         if self.absorption and self.gap is not None:
             between = between + 0.75 * self.absorption * np.maximum(self.gap, 0.0)
         return between
-
-    @property
-    def steady(self) -> bool:
-        """See `SurfaceLaw.steady`."""
-        return True
 
     def terms(self, time: float) -> tuple[Term, ...]:
         """See `SurfaceLaw.terms`."""

@@ -117,6 +117,7 @@ class ThermalProblem:
         self.iterations: int = 0
         self.stages: int = 0
         self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
+        self._scale = self.volume + self._stiffness
         self._source, self.warming = np.zeros_like(self.area), 0.0
         self.set_cooling(Cooling([], []))
         self._state = self._evaluate(np.zeros_like(self.area))
@@ -193,6 +194,7 @@ class ThermalProblem:
             The stage; check `result.converged` first.
         """
         self._base, self._tau, self._time = base, tau, time
+        self._scale = self.volume + tau * self._stiffness
         start = guess.copy()
         start[self._fixed] = self._fixed_value
         for prefix in (ITERATED, FACTORED):
@@ -379,8 +381,7 @@ class ThermalProblem:
         """
         state, comm = self._state, self.section.comm
         residual = f.getArray(readonly=True)
-        scale = self.volume + self._tau * self._stiffness
-        worst = reductions.largest(comm, np.abs(residual) / scale)
+        worst = reductions.largest(comm, np.abs(residual) / self._scale)
         sizes = {"heat": worst / self.curve.reference_capacity / self.tolerance}
         if sizes["heat"] <= 1.0:
             # Rounding of sums of this size cannot be removed.

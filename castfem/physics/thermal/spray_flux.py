@@ -14,7 +14,6 @@ from typing import Protocol
 
 import numpy as np
 
-from castfem.base.tables import Constant
 from castfem.base.types import Array, Indices
 from castfem.physics.thermal.flux_laws import SurfaceLaw, Term
 from castfem.physics.thermal.mould_flux import with_slope
@@ -188,10 +187,9 @@ class SprayWater(SurfaceLaw):
         coefficients = [row.coefficient for row in self.rows]
         return _flux(coefficients, self.flows(time), self.water_temperature, temperature)
 
-    @property
-    def steady(self) -> bool:
-        """See `SurfaceLaw.steady`."""
-        return all(isinstance(row.flow, Constant) for row in self.rows)
+    def setting(self, time: float) -> tuple[float, ...]:
+        """See `SurfaceLaw.setting`: the flows of the circuits."""
+        return tuple(row.flow(time) for row in self.rows)
 
     def terms(self, time: float) -> tuple[Term, ...] | None:
         """See `SurfaceLaw.terms`: one for each nozzle model, at the total water."""
@@ -299,10 +297,9 @@ class RollShare(SurfaceLaw):
     def _factor(self) -> float:
         return self.share / (1.0 - self.share) / self.length
 
-    @property
-    def steady(self) -> bool:
-        """See `SurfaceLaw.steady`."""
-        return all(law.steady for _, law in self.beside)
+    def setting(self, time: float) -> tuple[float, ...]:
+        """See `SurfaceLaw.setting`."""
+        return tuple(one for _, law in self.beside for one in law.setting(time))
 
     def terms(self, time: float) -> tuple[Term, ...] | None:
         """See `SurfaceLaw.terms`."""

@@ -38,11 +38,11 @@ class SurfaceHeat:
         self.vertices = np.unique(np.concatenate(dofs)) if dofs else np.zeros(0, np.int64)
         self._laws: list[tuple[Patch, SurfaceLaw]] | None = None
         self._time = np.nan
+        self._setting: tuple[tuple[float, ...], ...] = ()
 
     def _prepare(self, time: float) -> None:
-        """Divide the laws into terms, and laws that have none; again where they change in time."""
+        """Divide the laws into terms, and laws that have none."""
         laws = self._cooling.laws
-        self._laws, self._time, self._steady = laws, time, True
         self._others: list[tuple[Indices, Array, SurfaceLaw]] = []
         curves: dict[OfTemperature, int] = {}
         tables: dict[int, tuple[int, CoefficientTable]] = {}
@@ -54,7 +54,6 @@ class SurfaceHeat:
             if terms is None:
                 self._others.append((local, patch.weights, law))
                 continue
-            self._steady &= law.steady
             for term in terms:
                 which = 0
                 if term.curve is not None:
@@ -84,8 +83,12 @@ class SurfaceHeat:
         Returns:
             The heat (n,), W/m, and its derivative by the temperature (n,), W/(m K).
         """
-        if self._laws is not self._cooling.laws or (time != self._time and not self._steady):
-            self._prepare(time)
+        laws = self._cooling.laws
+        if laws is not self._laws or time != self._time:
+            setting = tuple(law.setting(time) for _, law in laws)
+            if laws is not self._laws or setting != self._setting:
+                self._prepare(time)
+            self._laws, self._time, self._setting = laws, time, setting
         surface = temperature[self.vertices]
         curves = np.empty((len(self._curves), 2, len(surface)))
         for values, curve in zip(curves, self._curves, strict=True):
