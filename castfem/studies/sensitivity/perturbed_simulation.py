@@ -88,16 +88,6 @@ class Varied:
             heat[patch.dofs] += weight * patch.weights * flux
 
 
-def surface_heat(cooling: Cooling, temperature: Array, time: float) -> tuple[Array, Array]:
-    """Heat that leaves each vertex through the surface, W/m, and d/dT, W/(m K) (owned,)."""
-    heat, slope = np.zeros_like(temperature), np.zeros_like(temperature)
-    for patch, law in cooling.laws:
-        q, dq = law.flux(temperature[patch.dofs], time)
-        heat[patch.dofs] += patch.weights * q
-        slope[patch.dofs] += patch.weights * dq
-    return heat, slope
-
-
 class CurveDifference:
     """Difference of T(H) and theta(H) between two steels.
 

@@ -34,7 +34,7 @@ from castfem.physics.materials.curve import CurvePoint
 from castfem.physics.thermal.problem import ThermalProblem
 from castfem.physics.thermal.stage import Stage
 from castfem.physics.thermal.stepper import GAMMA, StepResult, ThermalState
-from castfem.studies.sensitivity.perturbed_simulation import Variation, surface_heat
+from castfem.studies.sensitivity.perturbed_simulation import Variation
 from castfem.studies.sensitivity.shape_change import Feedback
 
 
@@ -232,8 +232,9 @@ class ThermalDerivatives:
 
     def _stage(self, stage: Stage, step: _Step, base: Array) -> Array:
         """dH/dp at the end of a stage from that of its base (parameters, owned)."""
-        problem, point = self._problem, stage.point
-        slope = surface_heat(problem.cooling, point.temperature, stage.time)[1]
+        problem, point, surface = self._problem, stage.point, self._problem.surface_heat
+        slope = np.zeros_like(problem.area)
+        slope[surface.vertices] = surface.at(point.temperature, stage.time)[1]
         self._tangent.factor(point, slope, stage.tau)
         right = problem.volume * base
         if self.feedback is not None:
