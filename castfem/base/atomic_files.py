@@ -312,7 +312,9 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except NotImplementedError:  # reason: filelock < 4, where a file system has no locks
+        except NotImplementedError:
+            # Reason: filelock before version 4 raises it where a file system has no locks; False
+            # tells the caller so.
             return False
         except OSError as error:  # from version 4 on the error of flock() itself
             if error.errno in _NONE:

@@ -30,7 +30,7 @@ GRAZING = 0.02
 """Cosine between ray and wall normal below which a ray is parallel to the wall (89 degrees)."""
 STRAIGHT, CIRCULAR, PARABOLIC = range(3)
 COLUMNS = 8
-"""Of a segment: its kind, and up to seven numbers, see `loop`."""
+"""Of a segment: its kind, and up to seven numbers, those of the method `numbers` of its class."""
 
 
 def nearest(segments: Array, points: Array, rays: Array, slack: float) -> Array:
