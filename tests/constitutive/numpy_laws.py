@@ -208,7 +208,7 @@ def _automatic(
         return s, by_dp, s * (by_e / young + by_rate), y
 
     s, by_dp, by_trial, y = curve(np.zeros_like(trial), drive)
-    flows = trial > s * (1.0 + 1e-14)
+    flows = trial > s * (1.0 + k.ON_CURVE)
     dp = np.where(flows, (trial - s) / shear3, 0.0)
     back = curve(np.zeros_like(trial), np.abs(drive))[3]
     elastic_rate = np.where(drive < 0.0, back, y)

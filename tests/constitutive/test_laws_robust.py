@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -159,6 +161,25 @@ def test_output_arrays_are_used_and_points_do_not_see_each_other(law: RadialRetu
     np.testing.assert_array_equal(single.stress, out.stress[i])
     np.testing.assert_array_equal(single.tangent, out.tangent[i])
     np.testing.assert_array_equal(single.state, out.state[i])
+
+
+@pytest.mark.parametrize("name", ["plastic", "hoff", "hoff signed"])
+def test_rounding_does_not_choose_the_tangent(name: str) -> None:
+    """A point that neither flows nor is loaded by more than rounding errors is elastic."""
+    law, rng, n = LAWS[name], np.random.default_rng(8), 10_000
+    elastic, heat, nothing = ThermoElastic(law.elasticity), np.full(n, 1690.0), np.zeros(n)
+    size = 10.0 ** rng.uniform(-7.0, -2.0, (n, 1))
+    pull = MaterialStep(size * rng.standard_normal((n, 4)), nothing, heat, heat, 0.5)
+    solidified = elastic.integrate(pull, np.zeros((n, 4)), np.empty((n, 0))).stress
+    rest = replace(pull, strain_increment=np.zeros((n, 4)))
+    begun = law.integrate(rest, solidified, law.initial_state(n))
+    noise = replace(rest, strain_increment=1e-16 * size * rng.standard_normal((n, 4)))
+    found = law.integrate(noise, begun.stress, begun.state)
+    expected = elastic.integrate(noise, begun.stress, np.empty((n, 0)))
+    q, trial = equivalent_stress(found.stress), equivalent_stress(expected.stress)
+    still = np.abs(q - trial) < 5e-13 * trial
+    assert still.sum() > 100
+    np.testing.assert_allclose(found.tangent[still], expected.tangent[still], rtol=1e-9)
 
 
 @ALL

@@ -32,5 +32,9 @@ SEEK = -1.0
 # Limits of the safeguarded Newton methods for the scalar problems.
 NOTHING = -1e300  # represents the logarithm of zero
 ROUNDING = 1e-14
+# Excess of the trial stress over the flow stress, relative to it, up to which a point is elastic.
+# A point that flowed begins its next step on its flow curve: without this margin rounding errors
+# would choose between the elastic and the plastic tangent.
+ON_CURVE = 1e-12
 LAST_STEP = 1e-8  # last step of a quadratically convergent Newton method: the rest is rounding
 STEPS = 200  # limit of a safeguarded Newton method; convex problems take about 6

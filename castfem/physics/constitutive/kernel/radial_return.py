@@ -32,6 +32,7 @@ from castfem.physics.constitutive.kernel.constants import (
     LN_LEVEL,
     LN_SQRT3,
     NOTHING,
+    ON_CURVE,
     PLASTIC,
     RATE_EXPONENT,
     ROUNDING,
@@ -220,7 +221,7 @@ def return_to_curve(  # type: ignore[no-untyped-def]
         stress, by_increment, by_trial, by_old, y = _curve_stress(
             c, old, left, trial, drive, carried, 0.0, NOTHING, *args
         )
-    if near == 0.0 or (near < 0.0 and trial <= stress * (1.0 + ROUNDING)) or trial <= 0.0:
+    if near == 0.0 or (near < 0.0 and trial <= stress * (1.0 + ON_CURVE)) or trial <= 0.0:
         if drive < 0.0:  # elastic unloading takes the same rate as reloading
             y = _curve_stress(c, old, left, trial, -drive, carried, 0.0, NOTHING, *args)[4]
         return 0.0, trial, 1.0, 0.0, exp(y)
@@ -275,11 +276,11 @@ def solve_point(  # type: ignore[no-untyped-def]
     elif near == 0.0:
         pass
     elif kind == PLASTIC:
-        if trial > c[YIELD_STRESS] or near > 0.0:
+        if trial > c[YIELD_STRESS] * (1.0 + ON_CURVE) or near > 0.0:
             stress, kept = c[YIELD_STRESS], 0.0
             increment = (trial - stress) / (3.0 * c[SHEAR])
     elif kind == CURVE_GIVEN:
-        if trial > c[YIELD]:
+        if trial > c[YIELD] * (1.0 + ON_CURVE):
             at_limit = near > 0.0 and trial - 3.0 * c[SHEAR] * near <= c[YIELD] * (1.0 + ROUNDING)
             if not at_limit:
                 increment, stress, kept, by_old = _return_to_flow(
