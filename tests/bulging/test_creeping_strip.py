@@ -374,6 +374,20 @@ def test_what_is_missing_to_repetition_is_told() -> None:
     assert off < broken.error - settled.error < 3.0 * off
 
 
+@pytest.mark.parametrize(("thickness", "pitch"), [(0.03, 0.25), (0.05, 0.31), (0.08, 0.4)])
+def test_the_error_that_is_told_holds_what_the_passes_leave(thickness: float, pitch: float) -> None:
+    """Shells from 1000 degC to the solidus, against passes that end a thousandth as far."""
+    law = load_law("kozlowski_zhu_signed", load_elasticity(), carbon=0.1)
+    shell = Shell(thickness, lambda depth: 1273.15 + 490.0 * depth / thickness)
+    strip, span = CreepingStrip(law), Span(pitch, 0.25e6, 0.02)
+    found = strip.bulge(span, shell)
+    exact = replace(strip, passes=300, tolerance=3e-7, gap=5e-6).bulge(span, shell)
+    assert found.periodic and exact.periodic
+    off = float(np.abs(found.deflection - exact.deflection).max())
+    assert off < found.error - exact.error
+    assert found.error < 5e-3 * found.largest
+
+
 def test_layers_solve_their_three_equations_as_lapack_does() -> None:
     """Whatever the order of the rows: the first one without the first unknown, too."""
     matrix = np.array([[0.0, 2.0, 1e-3], [3.0, 1.0, 2e-3], [1e-3, 4e-3, 5e-6]])

@@ -81,9 +81,9 @@ class Pitch:
     start: Condition  #: stress and state at the upstream roll
     deflection: Array  #: deflection and slope, (2, m+1), of the strip that is straight on average
     curvature: Array  #: its curvature, (m+1,)
-    #: change of the deflection from the previous pass, relative to the largest; infinite in the
-    #: first
-    change: float = np.inf
+    #: error of the deflection that the passes have left, m: its change in the last pass or, if
+    #: larger, its size times the difference of the curvature at both ends over its range
+    missing: float = np.inf
 
     def sheared(self, span: Span, yields: float) -> Pitch:
         """Return the pitch with shear deformation; `yields` is slope over shear force, m/N."""
@@ -136,11 +136,9 @@ class CreepingStrip:
         if yields := self.compliance(layers):
             coarse, fine = (one.sheared(span, yields) for one in (coarse, fine))
             coarser = None if coarser is None else coarser.sheared(span, yields)
-        bulge = replace(extrapolated(coarse, fine, layers, coarser), roll_force=force)
-        if periodic or grows:
-            return replace(bulge, periodic=periodic)
-        missing = fine.change * fine.size  # remaining change from pass to pass
-        return replace(bulge, periodic=False, error=bulge.error + missing)
+        bulge = extrapolated(coarse, fine, layers, coarser)
+        error = bulge.error + fine.missing
+        return replace(bulge, roll_force=force, periodic=periodic, error=error)
 
     def _at_rest(self, layers: Layers, span: Span, steps: int) -> Pitch | None:
         """The periodic pitch; None if it is not yet periodic, so that it has no error estimate."""
@@ -175,7 +173,7 @@ class CreepingStrip:
             if not grows and search.change <= tolerance and abs(search.gap) <= gap:
                 return search.pitch, True
             search.move(accelerated=k > 0 and not grows)
-        return search.pitch, False
+        return replace(search.pitch, missing=0.0) if grows else search.pitch, False
 
 
 def coarsest(steps: int, strip: Callable[[int], Pitch | None]) -> Pitch | None:
@@ -251,7 +249,8 @@ class _Search:
         new, before = Pitch(z, moment, history, self._start, w, kappa), self._latest
         if before is not None and len(before.z) == len(z):
             self.change = float(np.abs(w[0] - before.deflection[0]).max()) / new.size
-        self._latest, self._virgin = replace(new, change=self.change), False
+        missing = max(self.change, abs(self.gap)) * new.size
+        self._latest, self._virgin = replace(new, missing=missing), False
 
     @property
     def pitch(self) -> Pitch:

@@ -48,8 +48,8 @@ class Bulge:
     thickness: float  #: thickness of the shell, m
     roll_force: Array  #: force on each roll with a span on both sides, N per metre of width
     periodic: bool = True  #: whether the strip has reached its periodic state
-    #: estimated error of the deflection, m: from the step size, and the remaining change of a strip
-    #: that should be periodic but is not yet
+    #: estimated error of the deflection, m: from the step size, and what the passes through a
+    #: periodic pitch have left
     error: float = 0.0
 
     @classmethod

@@ -71,10 +71,12 @@ def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
     """
     layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
     coarse, found = _Spans(strip, rolls, layers, strip.steps // 2).solved()
-    fine, _ = _Spans(strip, rolls, layers, strip.steps).solved(found)
+    finest = _Spans(strip, rolls, layers, strip.steps)
+    fine, _ = finest.solved(found)
     coarser = coarsest(strip.steps, lambda n: _Spans(strip, rolls, layers, n).solved(found)[0])
     bulge = extrapolated(coarse, fine, layers, coarser)
-    return replace(bulge, roll_force=_forces(rolls, bulge.moment[:: strip.steps // 2]))
+    forces = _forces(rolls, bulge.moment[:: strip.steps // 2])
+    return replace(bulge, roll_force=forces, error=bulge.error + finest.missing)
 
 
 def _forces(rolls: Rolls, moments: Sequence[float] | Array) -> Array:
@@ -106,6 +108,11 @@ class _Spans:
         j = np.clip(np.searchsorted(places, z, side="right") - 1, 0, len(places) - 2)
         self._parabola = 0.5 * rolls.pressure * (z - places[j]) * (places[j + 1] - z)
         self._yields, self._span_of = strip.compliance(layers), j
+
+    @property
+    def missing(self) -> float:
+        """Error of the deflection that the passes through the outer pitches have left, m."""
+        return max(self._in.missing, self._out.missing)
 
     def _sunk(self, curvature: Array) -> tuple[Array, Array]:
         """Changes of slope and deflection by curvatures (..., n) relative to a straight line."""
