@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,7 +76,9 @@ def launch(
         # A rank that waits gives way: the cores may have other work.
         clean.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
         clean.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
-    written = _run(command, clean)
+    # Open MPI does not start where a run that was killed has left a folder under its number.
+    with tempfile.TemporaryDirectory() as own:
+        written = _run(command, clean | {"PRTE_MCA_prte_tmpdir_base": own})
     lines = [line for line in written.splitlines() if line.startswith("RESULT ")]
     if not lines:
         raise RuntimeError(f"{' '.join(command)}: no answer\n{written}")

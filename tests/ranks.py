@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -20,6 +21,9 @@ import pytest
 _LAUNCHER = ("OMPI_", "PMIX_", "PMI_", "PRTE_")
 _KEPT = ("OMPI_MCA_btl", "OMPI_MCA_mpi_yield_when_idle")  # the user's choice, not the launcher's
 _ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+# Open MPI names its folder by its process, and does not start where one that was killed has left a
+# folder under the same number: each has its own place.
+_SESSIONS = tempfile.TemporaryDirectory(prefix="ranks")
 # Open MPI asks for leave; MPICH does not, nor does it know the word.
 _MORE_THAN_CORES = ["--oversubscribe"] if "Open MPI" in MPI.Get_library_version() else []
 
@@ -98,4 +102,6 @@ def started(ranks: int, words: Sequence[str]) -> tuple[list[str], dict[str, str]
         if key in _KEPT or not key.startswith(_LAUNCHER)
     }
     launcher = ["mpirun", *_MORE_THAN_CORES, "-n", str(ranks)] if ranks > 1 else []
+    if launcher:
+        clean["PRTE_MCA_prte_tmpdir_base"] = tempfile.mkdtemp(dir=_SESSIONS.name)
     return [*launcher, sys.executable, *words], clean | _ROOT
