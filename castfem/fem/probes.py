@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Protocol
@@ -177,6 +178,12 @@ class LineProbes:
             )
             for i, name in enumerate(self.lines)
         }  # fmt: skip
+
+    def of_curve(self, conducts: Conducts | None) -> LineProbes:
+        """The same lines for another steel; they share the interpolation: use the two in turn."""
+        other = copy.copy(self)
+        other.conducts = conducts
+        return other
 
     def starts(self, owned: Array) -> dict[str, Array]:
         """Vertex fields (owned, k) at the start of every line (k,), on every rank: one message."""

@@ -144,6 +144,20 @@ def test_the_mean_flux_of_a_mould_with_one_flux_is_that_flux(tmp_path: Path) -> 
     assert castfem.run(longer, tmp_path, resume=True).quantities["mould_mean_flux"] == first
 
 
+def test_the_mean_flux_of_a_strip_is_that_of_its_cooled_end() -> None:
+    """Its sides and its inner end are inside the strand."""
+    case = castfem.load("verification/alloy_similarity").with_(
+        {
+            "cooling": zones("30 mm"),
+            "casting.length": "45 mm",
+            "mesh.core_size": "4 mm",
+            "output.figures": False,
+            "verification": None,
+        }
+    )
+    assert castfem.run(case).quantities["mould_mean_flux"] == pytest.approx(2e6, rel=1e-6)
+
+
 def test_no_mean_without_a_mould() -> None:
     case = small({"cooling": zones("30 mm")[1:]})
     assert "mould_mean_flux" not in castfem.run(case).quantities

@@ -62,6 +62,23 @@ def test_a_steady_wall_has_the_derivatives_of_its_resistances() -> None:
     assert surface["cooling.0.ambient"] == pytest.approx(1.0 - 1e-3 / resistance, rel=1e-8)
 
 
+def test_a_steady_wall_whose_conductivity_changes_over_its_depth() -> None:
+    """With I the integral of k from T to the hot end, h (T - Ta) l = s I; T by s, in per cent."""
+    k = {"temperature": [200, 1200], "temperature_unit": "degC", "value": [60, 20],
+         "unit": "W/(m K)"}  # fmt: skip
+    case = from_document(STEADY).with_({"steel.overrides": {"conductivity": k}})
+    found = castfem.sensitivities(
+        case, ["steel.conductivity"], "surface_temperature_mid_face,temperature_core"
+    )
+    surface = found.quantities["surface_temperature_mid_face"].value - 273.15
+    here = 60.0 - 0.04 * (surface - 200.0)
+    integral = 0.5 * (here + 20.0) * (1200.0 - surface)
+    assert 1000.0 * (surface - 100.0) * 0.02 == pytest.approx(integral, rel=1e-8)
+    slopes = found.gradient["surface_temperature_mid_face"]
+    assert slopes["steel.conductivity"] == pytest.approx(0.01 * integral / (20.0 + here), rel=1e-6)
+    assert abs(found.gradient["temperature_core"]["steel.conductivity"]) < 1e-7
+
+
 SIMILARITY = {
     "output.fields": [], "output.figures": False, "mesh.surface_size": "1.2 mm",
     "mesh.core_size": "1.2 mm", "section.width": "1.2 mm", "thermal.time.step": "0.2 s",

@@ -215,8 +215,9 @@ class Zones:
         return share
 
     def perimeter(self) -> float:
-        """Current perimeter of the whole strand, m (collective)."""
-        return self._length(self._surface.whole())
+        """Current perimeter of the whole strand, m (collective); of a strip its cooled end."""
+        groups = self._tags(self._case.section.cooled_groups())
+        return self._length(self._surface.patch(groups))
 
     def _length(self, patch: Patch) -> float:
         """Perimeter of a part of the surface, on the whole strand, m (collective)."""

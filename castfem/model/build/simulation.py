@@ -194,6 +194,7 @@ def build_beside(
     return replace(
         other, case=case, machine=machine, zones=zones, stepper=stepper, control=control,
         steps=ThermalSteps(stepper, control), start_temperature=start,
+        probes=other.probes.of_curve(problem.curve),
     )  # fmt: skip
 
 

@@ -117,8 +117,7 @@ class Slice:
     def restore(self, described: dict[str, Any], arrays: dict[str, Array]) -> None:
         """Restore what `state` has returned."""
         self._taken_over = None
-        simulation, run = self.loop.simulation, self.loop.run_state
-        simulation.probes.conducts = simulation.problem.curve
+        run = self.loop.run_state
         restart.restore(run, described, arrays)
         if self.passing is not None:
             self.passing.go_on(run)
@@ -137,7 +136,6 @@ class Slice:
             RunFailure: A step of the smallest size failed.
         """
         simulation, run = self.loop.simulation, self.run_state
-        simulation.probes.conducts = simulation.problem.curve
         if run.zone >= 0:
             simulation.problem.set_cooling(simulation.zones.cooling(run.zone))
         self._until = min(clock - self.start if age is None else age, self.lasts)

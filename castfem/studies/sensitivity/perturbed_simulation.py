@@ -194,7 +194,7 @@ def _varied(simulation: Simulation, parameter: Parameter, by: float) -> Varied:
     stepper = ThermalStepper(problem, simulation.stepper.scheme)
     other = replace(
         simulation, case=case, machine=machine, steel=steel, zones=zones, stepper=stepper,
-        start_temperature=start,
+        start_temperature=start, probes=simulation.probes.of_curve(curve),
     )  # fmt: skip
     instants = _instants(simulation, other, parameter)
     timed_alike = bool(np.array_equal(*instants))
