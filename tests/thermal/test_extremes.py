@@ -174,6 +174,19 @@ def test_heat_is_exact_at_any_step() -> None:
     assert np.ptp(removed) / removed[0] < 1e-6
 
 
+def test_heat_is_exact_where_two_given_temperatures_meet() -> None:
+    """The corner of a sharp billet has the later one, and its heat counts once."""
+    setup = ThermalSetup(billet(0.0, surface_size=4e-3), constant_steel(1700.0, 1750.0), CAST)
+    hotter, colder = map(flux_laws.PrescribedTemperature, (1300.0, 1200.0))
+    setup.cool(("wide_face", hotter), ("narrow_face", colder)).advance(20.0, 0.5)
+    x, y = setup.section.vertex_space.tabulate_dof_coordinates()[: setup.section.owned, :2].T
+    temperature = setup.state.point.temperature
+    assert temperature[(x > 0.0624) & (y > 0.0624)] == pytest.approx(1200.0)
+    assert temperature[(x < 0.0624) & (y > 0.0624)] == pytest.approx(1300.0)
+    lost = setup.problem.volume @ (setup.curve.enthalpy(CAST) - setup.state.enthalpy)
+    assert setup.state.removed == pytest.approx(lost, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("radius", "cell", "least", "most"),
     [
