@@ -174,6 +174,21 @@ def test_heat_is_exact_at_any_step() -> None:
     assert np.ptp(removed) / removed[0] < 1e-6
 
 
+@pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
+def test_the_flux_is_that_of_conduction_once_a_given_temperature_has_jumped(scheme: str) -> None:
+    """From the first step on, in which the heat of the surface itself leaves as well."""
+    size, kelvin = 1e-3, 1173.15
+    setup = ThermalSetup(strip(0.02, 20), constant_steel(1700.0, 1750.0), CAST, scheme)
+    setup.cool(("surface", flux_laws.PrescribedTemperature(kelvin)))
+    for _ in range(3):
+        setup.advance(setup.state.time + 0.01, 0.01)
+        state = setup.state
+        flow = setup.problem.surface_flow(state.point, state.rate, state.time).sum()
+        _, along = setup.along_x()
+        steepest = 30.0 * np.abs(np.diff(along)).max() / size
+        assert flow / size == pytest.approx(steepest, rel=1e-6)
+
+
 def test_heat_is_exact_where_two_given_temperatures_meet() -> None:
     """The corner of a sharp billet has the later one, and its heat counts once."""
     setup = ThermalSetup(billet(0.0, surface_size=4e-3), constant_steel(1700.0, 1750.0), CAST)

@@ -324,9 +324,10 @@ class ThermalStepper:
         balance = (out + gained - generated) / size
         generated += old.generated
         allowed = self._reached(old.allowed or old.extremes, old, time)
+        rate = last.rate.copy()
+        rate[self.problem.fixed] = 0.0  # a stage has there what its base is off after a jump
         state = self.state_from(
-            time, last.enthalpy, last.rate, removed, generated, next_rate, old.filled, old.fed,
-            allowed,
+            time, last.enthalpy, rate, removed, generated, next_rate, old.filled, old.fed, allowed
         )  # fmt: skip
         return state, balance
 
