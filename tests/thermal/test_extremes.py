@@ -174,6 +174,19 @@ def test_heat_is_exact_at_any_step() -> None:
     assert np.ptp(removed) / removed[0] < 1e-6
 
 
+@pytest.mark.parametrize("decays", [0.3, 1.0, 2.0])
+def test_what_a_step_of_an_exponential_decay_is_off_by_over_its_estimate(decays: float) -> None:
+    """A millimetre that conducts so well that it has one temperature, against exp(-t)."""
+    size, unit = 1e-3, 7200.0 * 700.0 * 1e-6  # of time, s: density, heat capacity, size over h
+    curve = constant_steel(300.0, 300.5, k=5000.0, latent=1.0)
+    setup = ThermalSetup(strip(size, 1), curve, 1500.0)
+    setup.cool(("surface", flux_laws.Convection(1000.0, 400.0))).advance(0.04 * unit, 1e-3 * unit)
+    before, begin = setup.state.point.temperature.mean(), setup.state.time
+    setup.advance(begin + decays * unit, decays * unit)
+    off = setup.state.point.temperature.mean() - 400.0 - (before - 400.0) * np.exp(-decays)
+    assert 3.5 < abs(off) / setup.results[-1].error < 7.0
+
+
 @pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
 def test_the_flux_is_that_of_conduction_once_a_given_temperature_has_jumped(scheme: str) -> None:
     """From the first step on, in which the heat of the surface itself leaves as well."""
