@@ -187,3 +187,6 @@ def test_heat_that_comes_back_is_not_missing(tmp_path: Path) -> None:
     assert abs(found.balances["heat"]["removed"].value) < 1e-9
     assert abs(found.balances["heat"]["whole"].value) < 1e-9
     assert not any("does not close" in warning for warning in found.warnings)
+    (warmed,) = (warning for warning in found.warnings if "has risen by" in warning)
+    assert "heat flows into the strand, or" in warmed
+    assert warmed.endswith(", which makes the temperature of the liquid wrong")

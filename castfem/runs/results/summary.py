@@ -242,6 +242,6 @@ def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
         yield (
             f"the highest temperature of the strand has risen by {warmed:.4g} K above that of the "
             "start: heat flows into the strand, or its conductivity jumps by so much that cells "
-            "round the corner warm up by themselves (docs/thermal.md); the temperature of the "
-            "liquid is wrong"
+            "round the corner warm up by themselves (docs/thermal.md), which makes the temperature "
+            "of the liquid wrong"
         )
