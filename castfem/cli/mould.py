@@ -152,7 +152,7 @@ def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
         ("water side", f"at most {float(wall.outer.max()) - ZERO_CELSIUS:.0f} degC"),
     ]
     if heated.supplied == heated.supplied:
-        off = abs(heated.supplied - heated.removed) / abs(heated.supplied)
+        off = abs(heated.supplied - heated.removed) / (abs(heated.supplied) or 1.0)
         rows.append(("heat", f"{4e-3 * heated.supplied:.1f} kW, balance {off:.1e}"))
     rows += [
         ("length", f"{1e3 * wall.longer:+.2f} mm"),

@@ -79,6 +79,18 @@ def test_run_again_show_and_other_physics(castfem):
     assert "holds a run of another case" in strand.err
 
 
+def test_what_is_made_of_strands_is_refused_in_one_line(castfem):
+    for name in ("one", "other"):
+        assert castfem("run", "tensile/unloading", "-o", name, "-q").status == 0
+    for words in (("compare", "one", "other"), ("report", "one"), ("show", "one", "--at", "1 m")):
+        refused = castfem(*words)
+        assert refused.status == 1
+        assert "one: is a tensile test; use castfem show one" in refused.err
+    watched = castfem("watch", "one")
+    assert watched.status == 0
+    assert "t = 12.6 s" in watched.out
+
+
 @pytest.mark.parametrize("swing", [75, 125])
 @pytest.mark.parametrize("material", ["norton_hoff_kozlowski", "kozlowski_zhu"])
 def test_eighty_cycles(castfem, swing, material):

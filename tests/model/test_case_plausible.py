@@ -173,6 +173,7 @@ SPRAYED = (
         ("72 L/(m^2 s)", "wendelstorf", "measured for, 3 to 30 L/(m^2 s): the coefficient is that"),
         ("9 L/(m^2 s)", "bolle", "1 to 7 L/(m^2 s): extrapolated"),
         ("25 L/(m^2 s)", "mizikar", "at most 20.3 L/(m^2 s): extrapolated"),
+        ("1 L/(m^2 s)", "sasaki", "1.67 to 41.7 L/(m^2 s): below, it falls to zero"),
         ("0 L/(m^2 s)", "bolle", None),
         ("5 L/(m^2 s)", "wendelstorf", None),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -199,6 +200,13 @@ def test_given_heat_has_no_strand_to_couple(castfem, write, key, given):
     assert out.startswith(f"mould.tube.{key} heats the tube: the strand is not computed, nothing")
     _, out, _ = castfem("mould", path, "--hot")
     assert "strand" not in out
+
+
+def test_a_tube_without_heat_has_the_temperature_of_its_water(hot):
+    _, (status, out, _) = hot("", "--set", "mould.tube.flux=0 W/m^2")
+    assert status == 0
+    assert re.search(r"heat +0\.0 kW", out)
+    assert {cell for row in table(out) for cell in row[-3:]} == {40.0}
 
 
 def test_copper_that_softens_is_told(hot):

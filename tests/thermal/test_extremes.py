@@ -174,6 +174,47 @@ def test_heat_is_exact_at_any_step() -> None:
     assert np.ptp(removed) / removed[0] < 1e-6
 
 
+@pytest.mark.parametrize("decays", [0.3, 1.0, 2.0])
+def test_what_a_step_of_an_exponential_decay_is_off_by_over_its_estimate(decays: float) -> None:
+    """A millimetre that conducts so well that it has one temperature, against exp(-t)."""
+    size, unit = 1e-3, 7200.0 * 700.0 * 1e-6  # of time, s: density, heat capacity, size over h
+    curve = constant_steel(300.0, 300.5, k=5000.0, latent=1.0)
+    setup = ThermalSetup(strip(size, 1), curve, 1500.0)
+    setup.cool(("surface", flux_laws.Convection(1000.0, 400.0))).advance(0.04 * unit, 1e-3 * unit)
+    before, begin = setup.state.point.temperature.mean(), setup.state.time
+    setup.advance(begin + decays * unit, decays * unit)
+    off = setup.state.point.temperature.mean() - 400.0 - (before - 400.0) * np.exp(-decays)
+    assert 3.5 < abs(off) / setup.results[-1].error < 7.0
+
+
+@pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
+def test_the_flux_is_that_of_conduction_once_a_given_temperature_has_jumped(scheme: str) -> None:
+    """From the first step on, in which the heat of the surface itself leaves as well."""
+    size, kelvin = 1e-3, 1173.15
+    setup = ThermalSetup(strip(0.02, 20), constant_steel(1700.0, 1750.0), CAST, scheme)
+    setup.cool(("surface", flux_laws.PrescribedTemperature(kelvin)))
+    for _ in range(3):
+        setup.advance(setup.state.time + 0.01, 0.01)
+        state = setup.state
+        flow = setup.problem.surface_flow(state.point, state.rate, state.time).sum()
+        _, along = setup.along_x()
+        steepest = 30.0 * np.abs(np.diff(along)).max() / size
+        assert flow / size == pytest.approx(steepest, rel=1e-6)
+
+
+def test_heat_is_exact_where_two_given_temperatures_meet() -> None:
+    """The corner of a sharp billet has the later one, and its heat counts once."""
+    setup = ThermalSetup(billet(0.0, surface_size=4e-3), constant_steel(1700.0, 1750.0), CAST)
+    hotter, colder = map(flux_laws.PrescribedTemperature, (1300.0, 1200.0))
+    setup.cool(("wide_face", hotter), ("narrow_face", colder)).advance(20.0, 0.5)
+    x, y = setup.section.vertex_space.tabulate_dof_coordinates()[: setup.section.owned, :2].T
+    temperature = setup.state.point.temperature
+    assert temperature[(x > 0.0624) & (y > 0.0624)] == pytest.approx(1200.0)
+    assert temperature[(x < 0.0624) & (y > 0.0624)] == pytest.approx(1300.0)
+    lost = setup.problem.volume @ (setup.curve.enthalpy(CAST) - setup.state.enthalpy)
+    assert setup.state.removed == pytest.approx(lost, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("radius", "cell", "least", "most"),
     [

@@ -19,6 +19,7 @@ from castfem.model.build.simulation import build, case_steel
 from castfem.model.mould import Oscillation
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.spray_correlations import CORRELATIONS
+from castfem.physics.thermal.spray_flux import OfCorrelation
 
 SURFACE = "cooling.0.surface"
 SPEED, LENGTH = 0.06, 0.06
@@ -77,6 +78,26 @@ def test_over_time_it_is_what_holds_at_the_time() -> None:
     )
     half = len(ramp) // 2
     assert ramp[half] < 0.7 * mean[half] and 0.85 * mean[-1] < ramp[-1] < mean[-1]
+
+
+@pytest.mark.parametrize("name", CORRELATIONS)
+def test_a_zone_without_water_takes_no_heat(name: str) -> None:
+    assert not heat({"correlation": name, "water": "0 L/(m^2 s)"}).any()
+
+
+@pytest.mark.parametrize("name", CORRELATIONS)
+def test_water_that_runs_out_cools_a_zone_as_it_cools_under_a_nozzle(name: str) -> None:
+    """In proportion to the water, below the least that was measured."""
+    law = flux_laws.Sprayed(CORRELATIONS[name], lambda time: time, 10.0, 298.15)
+    warm, least = np.array([700.0, 1100.0, 1400.0]), CORRELATIONS[name].water[0]
+    assert not np.any(law.flux(warm, 0.0))
+    for share in (0.1, 0.7) if least > 0.0 else ():
+        expected = share * law.flux(warm, least)[0]
+        assert law.flux(warm, share * least)[0] == pytest.approx(expected)
+    nozzles = OfCorrelation(CORRELATIONS[name], 298.15)
+    for water in (0.05, 2.0, 8.0):
+        h = nozzles(np.full_like(warm, water), warm)
+        assert law.flux(warm, water)[0] == pytest.approx(h * (warm - 298.15), rel=1e-12)
 
 
 def test_the_slope_of_water_that_changes() -> None:

@@ -210,7 +210,7 @@ def _sprays(case: Case, law: HeatLaw) -> Faults:
     low, high = of.water
     if not low <= law.water <= high:
         reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
-        how = "extrapolated" if not of.held or law.water < low else of.held
+        how = "below, it falls to zero" if law.water < low else of.held or "extrapolated"
         yield (
             "water",
             f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured for, "

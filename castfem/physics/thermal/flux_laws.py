@@ -366,7 +366,7 @@ class Sprayed(SurfaceLaw):
 
     def least_rise(self, temperatures: Array, time: float) -> float:
         """See `SurfaceLaw.least_rise`; of all flows up to the largest: h may fall with water."""
-        flows = (float(one) for one in flows_up_to(self.most))
+        flows = (float(one) for one in flows_up_to(self.most, self.correlation.water[0]))
         return min(float(self._at(one).flux(temperatures, time)[1].min()) for one in flows)
 
     def ambient_range(self, time: float) -> tuple[float, float]:

@@ -155,10 +155,11 @@ class ThermalProblem:
     def set_cooling(self, cooling: Cooling) -> None:
         """Cool the surface by `cooling` from now on."""
         self.cooling, self.surface_heat = cooling, SurfaceHeat(cooling)
-        dofs = [patch.dofs for patch, _ in cooling.prescribed]
-        values = [np.full(len(patch.dofs), law.value) for patch, law in cooling.prescribed]
-        self._fixed = np.concatenate(dofs) if dofs else np.zeros(0, np.int64)
-        self._fixed_value = self.curve.enthalpy(np.concatenate(values)) if values else np.zeros(0)
+        given = cooling.prescribed[::-1]  # where two patches meet the later one holds
+        dofs = [np.zeros(0, np.int64), *(patch.dofs for patch, _ in given)]
+        values = [np.zeros(0), *(np.full(len(patch.dofs), law.value) for patch, law in given)]
+        self._fixed, first = np.unique(np.concatenate(dofs), return_index=True)
+        self._fixed_value = self.curve.enthalpy(np.concatenate(values)[first])
 
     @property
     def fixed(self) -> npt.NDArray[np.int64]:

@@ -2,7 +2,8 @@
 
 Each gives h (W/m2K) for water per area W (L/m2s, the same number as kg/m2s), and temperatures of
 water and surface. Sources as listed in `docs/materials.md`; outside its stated range a correlation
-extrapolates. They differ by a factor of two, which is the present uncertainty.
+extrapolates, but below its smallest flow it falls to zero with the water. They differ by a factor
+of two, which is the present uncertainty.
 """
 
 from __future__ import annotations
@@ -41,8 +42,13 @@ class Correlation:
     def coefficient(
         self, water: Flow, water_temperature: float, machine_factor: float, surface: Array
     ) -> Array:
-        """Coefficient at surface temperatures (n,), K, divided by the machine factor."""
-        return np.asarray(self.formula(water, water_temperature, surface) / machine_factor)
+        """Coefficient at surface temperatures (n,), K, divided by the machine factor.
+
+        Below the smallest measured flow it is proportional to the flow: zero without water.
+        """
+        least = self.water[0]
+        h = self.formula(np.maximum(water, least), water_temperature, surface) / machine_factor
+        return np.asarray(h * np.minimum(water / least, 1.0) if least > 0.0 else h)
 
 
 def flows_up_to(most: float, least: float = 0.0) -> Array:

@@ -115,8 +115,7 @@ def _place(knots: Array, at: Array) -> tuple[Indices, Array]:
 class OfCorrelation:
     """The coefficient of a published correlation for any flow from 0.
 
-    Below the smallest measured flow h is proportional to the flow: zero without water, so that
-    there is no jump at the edge of a spray.
+    It is zero without water, so that there is no jump at the edge of a spray.
     """
 
     correlation: Correlation  #: the correlation
@@ -125,10 +124,8 @@ class OfCorrelation:
 
     def __call__(self, water: Array, surface: Array) -> Array:
         """See `Coefficient`."""
-        least, correlation = self.correlation.water[0], self.correlation
-        flow = np.maximum(water, least)
-        h = correlation.coefficient(flow, self.water_temperature, self.machine_factor, surface)
-        return np.asarray(h * np.minimum(water / least, 1.0) if least > 0.0 else h)
+        factor = self.machine_factor
+        return self.correlation.coefficient(water, self.water_temperature, factor, surface)
 
     def with_slope(self, water: Array, surface: Array) -> tuple[Array, Array]:
         """See `Coefficient`."""

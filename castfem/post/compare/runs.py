@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from castfem.base.errors import InputError
 from castfem.base.units import nearest
 from castfem.runs.output.folder import CASTER_NAME
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, last_row, needs_strand, read_history
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary_file import Summary
 from castfem.runs.results.headline import derived
@@ -86,6 +86,8 @@ def _run(folder: Path, label: str = "") -> Run:
         raise InputError(
             f"{folder}: the run has not ended ({status}); wait for it, or leave it out"
         )
+    if (folder / HISTORY_NAME).is_file() and (last := last_row(folder / HISTORY_NAME)):
+        needs_strand(last[1], folder)
     summary = replace(summary, quantities={**summary.quantities, **derived(folder, summary)})
     label = label or folder.resolve().name
     return Run(folder, label if status == "finished" else f"{label} ({status})", summary)

@@ -193,8 +193,9 @@ def brief(status: RunStatus) -> dict[str, str]:
 
 def where(status: RunStatus) -> str:
     """The position a run has reached, in words."""
-    if math.isnan(status.position):
-        return "no step has been taken yet"
+    if math.isnan(status.position):  # of a strand before its first step, a caster, a tensile test
+        time = status.record.reached.get("time")
+        return "no step has been taken yet" if time is None else f"t = {time:.6g} s"
     scale = scale_of("m", "position")
     digits = ".3f" if scale.unit == "m" else ".5g"
     here = f"{scale(status.position):{digits}}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -219,6 +219,16 @@ def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None
         raise InputError(f"{path}: a row does not have the {len(columns)} cells of the header")
     values = [_number(path, cell) for cell in cells]
     return {name: value for (name, _), value in zip(columns, values, strict=True)}, dict(columns)
+
+
+def needs_strand(columns: Container[str], folder: Path | str) -> None:
+    """Refuse the history of a tensile test, which has no positions.
+
+    Raises:
+        InputError: `position` is not among the columns.
+    """
+    if "position" not in columns:
+        raise InputError(f"{folder}: is a tensile test; use castfem show {folder}")
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -19,6 +19,7 @@ from castfem.base.result_registry import find
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import place_said, plain_unit
 from castfem.base.types import Flags
+from castfem.runs.output.history import needs_strand
 from castfem.runs.output.summary_file import Summary
 
 if TYPE_CHECKING:
@@ -142,6 +143,7 @@ def quantities_at(
         InputError: The run has not reached it.
     """
     columns = {str(name): np.asarray(table[name]) for name in table}
+    needs_strand(columns, folder)
     places = columns["position"]
     start, end = float(places[0]), float(places[-1])
     slack = ROUNDING * max(end, 1e-3)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from castfem.base.constants import same_instant
 from castfem.base.shown_quantity import Quantity
+from castfem.fem import reductions
 from castfem.model import Case
 from castfem.physics.materials.describe import property_label
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
@@ -141,6 +142,9 @@ def _heat_balance(run: RunState) -> dict[str, Quantity]:
     simulation, state = run.simulation, run.state.thermal
     gained = run.sampler.heat_gained(state)
     open_ = abs(state.removed + gained - state.generated - state.fed)
+    problem, comm = simulation.problem, simulation.section.comm
+    # What came back leaves little removed: at least the heat that warms the section by a kelvin.
+    kelvin = problem.curve.reference_capacity * reductions.total(comm, float(problem.area.sum()))
     fed = {}
     if simulation.problem.shape is not None:
         fed["fed"] = Quantity(state.fed, "kJ/m", "heat of liquid that was fed, modelled part")
@@ -151,9 +155,7 @@ def _heat_balance(run: RunState) -> dict[str, Quantity]:
         **fed,
         "worst_step": Quantity(run.sampler.worst_balance, "-", "largest relative error of a step"),
         "whole": Quantity(
-            open_ / max(abs(state.removed), 1e-300) if state.removed else 0.0,
-            "-",
-            "relative error over the run",
+            open_ / max(abs(state.removed), kelvin), "-", "relative error over the run"
         ),
         "multiplicity": Quantity(
             float(simulation.section.multiplicity), "-", "number of modelled parts in the section"
@@ -240,6 +242,6 @@ def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
         yield (
             f"the highest temperature of the strand has risen by {warmed:.4g} K above that of the "
             "start: heat flows into the strand, or its conductivity jumps by so much that cells "
-            "round the corner warm up by themselves (docs/thermal.md); the temperature of the "
-            "liquid is wrong"
+            "round the corner warm up by themselves (docs/thermal.md), which makes the temperature "
+            "of the liquid wrong"
         )
