@@ -1,4 +1,4 @@
-"""A section that cools and strains in even steps: thermal first, then its mechanics, in memory."""
+"""A section that cools and strains in equal steps: heat balance, then mechanics, in memory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CooledSlice:
         self.results: list[MechanicalResult] = []
 
     def advance(self, end: float, step: float) -> Self:
-        """Even steps to `end` (s)."""
+        """Take equal steps to `end` (s)."""
         begin = self.state.time
         count = round((end - begin) / step)
         for i in range(count):
