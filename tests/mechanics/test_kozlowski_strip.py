@@ -250,7 +250,7 @@ def test_section_that_changes_by_a_third_is_rejected(temperature: float, change:
     assert "bulge" not in refusal(temperature, large=True, xx=0.25)
 
 
-def test_rotation_at_the_front_is_distinguished_from_that_of_the_shell() -> None:
+def test_rotation_of_the_front_is_not_that_of_the_shell() -> None:
     """The right half rotates by atan(0.3), and is 10 or 700 K below the solidus of 1700 K."""
     fresh = "and no more than 0 rad where it is 50 K below its solidus: cells of the front"
     for right, reported in ((1690.0, True), (COLD, False)):
