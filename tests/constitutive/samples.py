@@ -64,7 +64,7 @@ def every_law() -> dict[str, RadialReturn]:
         "hoff softening": hoff(el, 50.0, 0.15, -0.01),
         "viscous": hoff(el, -10.0, 0.15, 0.1, 0.0),
         "viscous p3=0.02 softening": hoff(el, 30.0, 0.02, 0.6, 0.0),
-        "yield given": hoff(el, 3.0, 0.15, 0.2, 10e6),
+        "yield limit": hoff(el, 3.0, 0.15, 0.2, 10e6),
         "steel": load_law("kozlowski_zhu", el, carbon=0.08),
         "steel mixed": load_law("kozlowski_zhu_mixed", el, carbon=0.12),
         **hardening_laws(el),
@@ -89,7 +89,7 @@ def hardening_laws(el: Elasticity) -> dict[str, RadialReturn]:
             steep, hardening="signed", recovery_time=FADING
         ),
         "viscous signed recovering": replace(viscous, hardening="signed", recovery_time=FADING),
-        "yield given signed": replace(limited, hardening="signed"),
+        "yield limit signed": replace(limited, hardening="signed"),
     }
 
 

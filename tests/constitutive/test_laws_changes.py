@@ -124,7 +124,7 @@ def test_tangent_is_derivative_by_strain(law: RadialReturn) -> None:
         assert off.max() < 1e-6, way
 
 
-@pytest.mark.parametrize("name", ["hoff", "steel", "steel signed", "yield given"])
+@pytest.mark.parametrize("name", ["hoff", "steel", "steel signed", "yield limit"])
 def test_change_of_an_elastic_point_has_no_flow(name: str) -> None:
     """At the yield limit the change is one-sided: that of the branch the point is on."""
     law = LAWS[name]

@@ -59,12 +59,12 @@ def tapered_block(
     cell: str = "quadrilateral",
     cells: int = 10,
     options: dict[str, Any] | None = None,
-    **given: Any,
+    **settings: Any,
 ) -> setups.SliceSetup:
     """Set up an elastic block of 20 x 20 mm into which a wall is pushed by 0.05 mm.
 
     The wall is tapered by 0.04 mm. Results are in multiples of `length` (m) and `stress` (Pa);
-    `given` changes the contact.
+    `settings` changes the contact.
     """
     width, push, taper = 20e-3 / length, 0.05e-3 / length, 0.04e-3 / length
     # Rollers under the foot; sideways only the middle of the top is fixed.
@@ -72,11 +72,11 @@ def tapered_block(
     mesh = setups.mapped(cells, cells, setups.box(width, width), cell, groups=groups)
     angle = -np.arctan(taper / width)
     wall = LineWall(lambda z: np.array([0.0, width - push * z]), lambda z: angle)
-    contact = Contact(wall, ("top",), lambda time: time, method=method, **given)
+    contact = Contact(wall, ("top",), lambda time: time, method=method, **settings)
     return setups.SliceSetup(
         mesh,
         law=setups.elastic(40e9 / stress, 0.3),
-        given={"planes": PLANE_STRAIN, "interactions": (contact,)},
+        settings={"planes": PLANE_STRAIN, "interactions": (contact,)},
         options=options or {},
     )
 
@@ -114,7 +114,7 @@ def drawn_block(
     return setups.SliceSetup(
         mesh,
         setups.elastic(40e9, 0.0),
-        given={
+        settings={
             "planes": PlainPlanes(free),
             "held": (PrescribedDisplacement(("left",), 0),),
             "loads": (SurfacePressure(("top",), lambda t: pressure),),
@@ -141,7 +141,7 @@ def dragged_block(
     return setups.SliceSetup(
         mesh,
         law,
-        given={
+        settings={
             "planes": PLANE_STRAIN,
             "held": (PrescribedDisplacement(("top",), 0, lambda x, t: np.full(len(x), top(t))),),
             "loads": (

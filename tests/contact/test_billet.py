@@ -22,14 +22,14 @@ from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 SPEED, HALF = 0.06, 0.0625
 
 
-def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any) -> CastSetup:
+def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **settings: Any) -> CastSetup:
     """Set up a quarter billet in a tapered mould, without taking a step."""
     mesh = billet_mesh(
         corner_radius=5e-3, surface_size=2.5e-3, core_size=2e-2, face_size=1e-2, cell=cell, order=2
     )
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(taper, 0.6)))
-    slice_ = given.pop("slice", {})
-    contact = Contact(mould, ("wide", "narrow", "corner"), lambda t: SPEED * t, **given)
+    slice_ = settings.pop("slice", {})
+    contact = Contact(mould, ("wide", "narrow", "corner"), lambda t: SPEED * t, **settings)
     return CastSetup(mesh, comm, interactions=(contact,), **slice_)
 
 
@@ -40,13 +40,13 @@ def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any
      ("triangle", "penalty", True)],
 )  # fmt: skip
 def test_results_are_independent_of_ranks(cell: str, method: str, large: bool) -> None:
-    given: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "method": method,
         "friction": Coulomb(0.2),
         "slice": {"large_strain": large},
     }
-    serial = cast(MPI.COMM_SELF, 0.01, cell, **given).advance(1.5, 0.25)
-    parallel = cast(MPI.COMM_WORLD, 0.01, cell, **given).advance(1.5, 0.25)
+    serial = cast(MPI.COMM_SELF, 0.01, cell, **settings).advance(1.5, 0.25)
+    parallel = cast(MPI.COMM_WORLD, 0.01, cell, **settings).advance(1.5, 0.25)
     states = []
     for setup in (serial, parallel):
         contact, state = setup.problem.contact, setup.state.contact

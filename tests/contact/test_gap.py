@@ -62,7 +62,11 @@ def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
         expansion(ALPHA),
         tolerance=1e-11,
         start=1000.0,
-        given={"planes": PlainPlanes(("a0",)), "interactions": (contact,), "large_strain": large},
+        settings={
+            "planes": PlainPlanes(("a0",)),
+            "interactions": (contact,),
+            "large_strain": large,
+        },
     )
 
 
@@ -110,7 +114,7 @@ def test_contact_stiffness_is_that_of_the_frozen_surface(method: str, below: flo
         mapped(3, 3, box(HALF, HALF), groups=("symmetry_x", "foot", "right", "top")),
         ThermoElastic(elasticity),
         start=1010.0,
-        given={
+        settings={
             "planes": PlainPlanes(("a0",)),
             "interactions": (Contact(wall, ("foot",), method=method),),  # type: ignore[arg-type]
             "loads": (SurfacePressure(("top",), lambda t: 1e4),),
@@ -139,7 +143,7 @@ def contracted_billet(size: float) -> tuple[Array, Array, Array]:
     outer = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
     contact = Contact(mould, outer)
     setup = SliceSetup(
-        mesh, elastic(), expansion(ALPHA), start=1500.0, given={"interactions": (contact,)}
+        mesh, elastic(), expansion(ALPHA), start=1500.0, settings={"interactions": (contact,)}
     )
     gaps = SurfaceGap(setup.problem.contact)
     assert not len(gaps.corners)  # on an arc no vertex is opposite to two walls
@@ -186,7 +190,7 @@ def test_waviness_of_facets_leaves_the_mean_gap(cell: str, large: bool) -> None:
     setup = SliceSetup(
         mapped(3, 3, box(HALF, HALF), cell),
         elastic(),
-        given={"interactions": (Contact(wall, ("right",)),), "large_strain": large},
+        settings={"interactions": (Contact(wall, ("right",)),), "large_strain": large},
     )
     depth, off = 2e-5, 1e-4
     side = 2.0 * np.pi * 3.0 / HALF
@@ -207,7 +211,7 @@ def sharp_corner(*off: float) -> tuple[SliceSetup, SurfaceGap, MechanicalState]:
     setup = SliceSetup(
         mapped(2, 2, box(0.2, 0.1)),
         elastic(),
-        given={"interactions": (Contact(mould, ("right", "top")),)},
+        settings={"interactions": (Contact(mould, ("right", "top")),)},
     )
     moved = moved_by(setup, lambda x: -np.broadcast_to(np.array(off)[:, None], x.shape))
     return setup, SurfaceGap(setup.problem.contact), moved
@@ -259,7 +263,7 @@ def test_below_the_mould_there_is_no_contact() -> None:
     setup = SliceSetup(
         mesh,
         elastic(40e9),
-        given={"interactions": (Contact(**contact, position=lambda t: 0.1 * t),)},
+        settings={"interactions": (Contact(**contact, position=lambda t: 0.1 * t),)},
     )
     setup.step(5.0)
     inside = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)

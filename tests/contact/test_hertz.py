@@ -40,7 +40,7 @@ def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]
     return SliceSetup(
         mapped(cells, cells, shape, cell, order=2, groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PLANE_STRAIN,
             "held": (PrescribedDisplacement(("top",), 1, lambda x, t: np.full(len(x), -depth(t))),),
             "pin": False,

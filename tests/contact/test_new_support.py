@@ -68,7 +68,7 @@ def dragged(stiffness: float) -> SliceSetup:
     return SliceSetup(
         mapped(2, 2, box(0.1, 0.04), groups=GROUPS),
         elastic(YOUNG, 0.0),
-        given={"planes": PLANE_STRAIN, "interactions": (belt,), "held": drawn},
+        settings={"planes": PLANE_STRAIN, "interactions": (belt,), "held": drawn},
     )
 
 

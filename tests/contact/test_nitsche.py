@@ -32,7 +32,7 @@ def block(shape: str, cell: str, poisson: float) -> SliceSetup:
     return SliceSetup(
         mapped(3, 3, SHAPES[shape], cell, groups=groups),
         elastic(1.0, poisson),
-        given={
+        settings={
             "planes": PlainPlanes(()),
             "pin": False,
             "interactions": (Contact(wall, ("foot",), method="nitsche"),),

@@ -30,16 +30,16 @@ CONFINED = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))
 MODULI = {"free": YOUNG, "plane strain": YOUNG / (1 - POISSON**2), "confined": CONFINED}
 
 
-def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any) -> SliceSetup:
+def pressed(method: str, cell: str, kind: str, large: bool = False, **settings: Any) -> SliceSetup:
     """Set up a block of distorted cells on rollers under a wall that descends at 1 um/s."""
     right = ("right",) if kind == "confined" else ()
     groups = ("symmetry_x", "symmetry_y", "right", "top")
     wall = LineWall(lambda z: np.array([0.0, HEIGHT - z]))
-    contact = Contact(wall, ("top",), lambda t: 1e-6 * t, method=method, **given)  # type: ignore
+    contact = Contact(wall, ("top",), lambda t: 1e-6 * t, method=method, **settings)  # type: ignore
     return SliceSetup(
         mapped(3, 3, skewed(WIDTH, HEIGHT), cell, groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PlainPlanes(("a0",) if kind == "free" else ()),
             "held": tuple(PrescribedDisplacement((name,), 0) for name in right),
             "interactions": (contact,),
@@ -91,7 +91,7 @@ def test_applied_pressure_is_the_contact_pressure(
     setup = SliceSetup(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PlainPlanes(("a0",)),
             "loads": (SurfacePressure(("top",), lambda t: 1e6 * t),),
             "held": (PrescribedDisplacement(("left",), 0),),
@@ -118,7 +118,7 @@ def test_block_on_an_oblique_wall_is_in_balance(method: str) -> None:
     setup = SliceSetup(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PlainPlanes(("a0",)),
             "loads": (SurfacePressure(("top",), lambda t: 1e5 * t),),
             "pin": False,

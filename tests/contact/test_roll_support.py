@@ -28,20 +28,22 @@ PLANE_STRAIN = PlainPlanes(())
 YOUNG, POISSON = 40e9, 0.3
 
 
-def rolls(*on: str, **given: Any) -> RollSupport:
+def rolls(*on: str, **settings: Any) -> RollSupport:
     """Return rolls under groups with one bed: a `Bed` or a function of time."""
-    bed: Bed | Callable[[float], Bed] = given.pop("bed")
+    bed: Bed | Callable[[float], Bed] = settings.pop("bed")
     history = bed if callable(bed) else lambda time: bed
-    return RollSupport(on, GivenFoundation({name: history for name in on}), **given)
+    return RollSupport(on, GivenFoundation({name: history for name in on}), **settings)
 
 
-def block(*interactions: Any, size: tuple[float, float] = (0.1, 0.04), **given: Any) -> SliceSetup:
-    cells, groups = given.pop("cells", (5, 3)), given.pop("groups", GROUPS)
-    options = {k: given.pop(k) for k in ("springs", "comm") if k in given}
+def block(
+    *interactions: Any, size: tuple[float, float] = (0.1, 0.04), **settings: Any
+) -> SliceSetup:
+    cells, groups = settings.pop("cells", (5, 3)), settings.pop("groups", GROUPS)
+    options = {k: settings.pop(k) for k in ("springs", "comm") if k in settings}
     return SliceSetup(
         mapped(*cells, box(*size), groups=groups),
         elastic(YOUNG, POISSON),
-        given={"planes": PLANE_STRAIN, "interactions": interactions, **given},
+        settings={"planes": PLANE_STRAIN, "interactions": interactions, **settings},
         tolerance=1e-11,
         **options,
     )
@@ -127,7 +129,7 @@ def test_jacobian_matches_differences(large: bool, within: float, pull: bool) ->
         mapped(2, 2, skewed(0.1, 0.06), groups=GROUPS),
         law,
         expansion(1e-5),
-        given={
+        settings={
             "planes": PlainPlanes(("a0", "a1", "a2", "across")),
             "large_strain": large,
             "interactions": (rolls("right", "top", bed=bed, pull=pull),),
@@ -144,9 +146,9 @@ def test_jacobian_matches_differences(large: bool, within: float, pull: bool) ->
     assert np.abs(found[:, -1]).max() > 0.0
 
 
-def under(bed: Bed, **given: Any) -> tuple[float, float]:
+def under(bed: Bed, **settings: Any) -> tuple[float, float]:
     """Solve a block fixed at its top on a bed: force of the bed, N/m, motion of its foot, m."""
-    setup = block(rolls("bottom", bed=bed, **given), held=(PrescribedDisplacement(("top",), 1),))
+    setup = block(rolls("bottom", bed=bed, **settings), held=(PrescribedDisplacement(("top",), 1),))
     setup.step(1.0)
     (state,) = setup.state.interactions
     return float(state.force[0]), float(state.moved[0])
@@ -242,8 +244,8 @@ def integral_of_square(x: Array, values: Array) -> float:
 BED = {"bottom": lambda t: Bed(2e6, 2e10, 1e-4 * t), "top": lambda t: Bed(1e6, 1e10, 0.0, 2e-5)}
 
 
-def on_both(**given: Any) -> RollSupport:
-    return RollSupport(("bottom", "top"), GivenFoundation(BED), **given)
+def on_both(**settings: Any) -> RollSupport:
+    return RollSupport(("bottom", "top"), GivenFoundation(BED), **settings)
 
 
 def test_half_section_gives_the_results_of_the_full_one() -> None:

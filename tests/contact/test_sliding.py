@@ -168,7 +168,7 @@ def test_steps_converge_where_contact_is_lost(method: str, law: Any) -> None:
     setup = SliceSetup(
         mapped(8, 4, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
         elastic(YOUNG, 0.3),
-        given={
+        settings={
             "planes": PlainPlanes(()),
             "held": (
                 PrescribedDisplacement(("top",), 0, aside),
@@ -214,7 +214,7 @@ def test_liquid_at_the_wall_does_not_stick(law: Friction) -> None:
         mapped(8, 4, box(0.02, 0.01), groups=("left", "foot", "right", "top")),
         ThermoElastic(Elasticity.constant(10e9, 0.3, solidity)),
         start=heat,
-        given={
+        settings={
             "ferrostatic": Ferrostatic(lambda t: HEAD, fraction, "full", "free"),
             "planes": PlainPlanes(()),
             "liquid": "fed",
@@ -283,7 +283,7 @@ def test_block_supported_by_friction_only_converges(method: str, large: bool, an
         mapped(5, 4, shape, groups=("left", "lower", "right", "upper")),
         LAW,
         expansion(0.0),
-        given={"planes": PLANE_STRAIN, "large_strain": large, "interactions": (contact,)},
+        settings={"planes": PLANE_STRAIN, "large_strain": large, "interactions": (contact,)},
         springs=1e-7,
     )
     for time in (0.1, 0.3, 0.6, 1.0):

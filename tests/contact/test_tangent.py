@@ -67,7 +67,7 @@ def touching(
         mapped(2, 2, skewed(0.1, 0.06), cell, groups=GROUPS),
         LAW,
         expansion(1e-5),
-        given={"planes": planes, "large_strain": large, "interactions": (contact,)},
+        settings={"planes": planes, "large_strain": large, "interactions": (contact,)},
     )
 
 
@@ -106,7 +106,7 @@ def test_jacobian_under_liquid_pressure_matches_differences(large: bool, method:
         mapped(2, 2, skewed(0.1, 0.06), "quadrilateral", groups=GROUPS),
         law,
         expansion(1e-5),
-        given={
+        settings={
             "planes": PlainPlanes(("a0", "across")), "large_strain": large, "liquid": "fed",
             "ferrostatic": Ferrostatic(lambda t: head, np.zeros_like, "full", "free"),
             "interactions": (contact,),
@@ -127,7 +127,11 @@ def at_a_round_wall(large: bool) -> SliceSetup:
         mapped(1, 5, ring(0.03, outer), order=2, groups=GROUPS),
         LAW,
         expansion(1e-5),
-        given={"planes": PlainPlanes(("a0",)), "large_strain": large, "interactions": (contact,)},
+        settings={
+            "planes": PlainPlanes(("a0",)),
+            "large_strain": large,
+            "interactions": (contact,),
+        },
     )
 
 

@@ -21,20 +21,18 @@ from castfem.runs.output.summary_file import Summary
 CASES = Path(__file__).parents[2] / "cases"
 
 
-def test_table_is_printed_and_picture_drawn(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_table_and_picture_are_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     draw_machine(load_case(CASES / "slab1200" / "thermal.toml"), tmp_path / "m.png", "slab")
-    output = capsys.readouterr().out
-    assert "pairs of rolls   87, 14 of them driven with 1716.2 kN in all" in output
-    assert "bending          2.322 to 4.11 m, rolls 8 to 15, R = 8.006 m of the extrados" in output
-    assert "inclination      90 degrees at the end" in output
-    rows = [line.split() for line in output.splitlines() if line[:4].strip().isdigit()]
+    out = capsys.readouterr().out
+    assert "pairs of rolls   87, 14 of them driven with 1716.2 kN in all" in out
+    assert "bending          2.322 to 4.11 m, rolls 8 to 15, R = 8.006 m of the extrados" in out
+    assert "inclination      90 degrees at the end" in out
+    rows = [line.split() for line in out.splitlines() if line[:4].strip().isdigit()]
     assert len(rows) == 87
     assert rows[7][:5] == ["8", "2.322", "250.0", "215", "35.0"]
     assert rows[49][5:8] == ["226.1", "8.400", rows[49][7]]
     assert (tmp_path / "m.png").stat().st_size > 20_000
-    assert "solid" not in output
+    assert "solid" not in out
 
 
 def run_of(folder: Path, case: Case, **found: float) -> Path:
@@ -116,17 +114,14 @@ def test_drives_of_a_coupled_run_are_printed(
     run = run_of(tmp_path / "run", coupled, position=at[-1])
     (run / "history.csv").write_text("\n".join([head, *rows]) + "\n")
     draw_machine(coupled, tmp_path / "m.png", "slab", run)
-    output = capsys.readouterr().out
-    cells = {
-        line.split()[0]: line.split() for line in output.splitlines() if line.strip()[:1] == "#"
-    }
+    out = capsys.readouterr().out
+    cells = {line.split()[0]: line.split() for line in out.splitlines() if line.strip()[:1] == "#"}
     assert len(cells) == 14
     assert cells["#50"] == ["#50", "14.592", "61.21", "61.21", "72.37"]  # as with the curve
     assert len(cells["#55"]) == 5 and float(cells["#55"][3]) > 0.0
     assert cells["#60"] == ["#60", f"{pairs.pairs[59].position:.3f}"]  # not reached by the run
     assert (
-        f"down to {at[-1]:.4g} m the rolls resist with {1e-3 * known.steps[:56].sum():.5g}"
-        in output
+        f"down to {at[-1]:.4g} m the rolls resist with {1e-3 * known.steps[:56].sum():.5g}" in out
     )
 
 
@@ -146,8 +141,8 @@ def test_sprays_are_listed_and_drawn(
         picture, "_sprays", lambda ax, side, sprays: (drawn.append(sprays), draw(ax, side, sprays))
     )
     draw_machine(load_case(CASES / "slab1200" / "sprays.toml"), tmp_path / "m.png", "slab")
-    output = capsys.readouterr().out
-    row = next(line for line in output.splitlines() if "bender" in line and "wide_face" in line)
+    out = capsys.readouterr().out
+    row = next(line for line in out.splitlines() if "bender" in line and "wide_face" in line)
     assert row.split()[-6:] == ["445", "0.193", "10.6", "600", "59.0", "63.2"]  # at 1.2 m/min
     (sprays,) = drawn
     # Each of 66 gaps has a row on both wide faces; rows on the narrow faces are not drawn.
@@ -162,14 +157,12 @@ def test_shares_of_the_drives_are_printed(
 ) -> None:
     case = load_case(CASES / "slab1200" / "reference.toml")
     draw_machine(case, tmp_path / "m.png", "slab")
-    output = capsys.readouterr().out
-    rows = {
-        line.split()[0]: line.split() for line in output.splitlines() if line.strip()[:1] == "#"
-    }
+    out = capsys.readouterr().out
+    rows = {line.split()[0]: line.split() for line in out.splitlines() if line.strip()[:1] == "#"}
     assert len(rows) == 14
     assert rows["#50"] == ["#50", "14.592", "61.21", "61.21", "72.37"]  # 7.38 t left
-    assert "the rolls resist with 686.47 kN, the drives could take 1716.2 kN" in output
-    assert "largest effort in the strand: 112.8 kN, at roll 55" in output
+    assert "the rolls resist with 686.47 kN, the drives could take 1716.2 kN" in out
+    assert "largest effort in the strand: 112.8 kN, at roll 55" in out
     assert (tmp_path / "m_extraction.png").stat().st_size > 20_000
     coupled = case.with_({"machine.extraction.resistance": "coupled"})
     draw_machine(coupled, tmp_path / "c.png", "slab")
@@ -185,8 +178,8 @@ def test_shares_of_the_drives_are_printed(
 def test_check_prints_the_rolls() -> None:
     from castfem.cli.checking import check_case
 
-    output = check_case("slab", CASES / "slab1200" / "thermal.toml", ())
-    assert "  87 pairs of rolls, 0.87 to 26.4324 m" in output.splitlines()
+    out = check_case("slab", CASES / "slab1200" / "thermal.toml", ())
+    assert "  87 pairs of rolls, 0.87 to 26.4324 m" in out.splitlines()
 
 
 def test_nozzles_with_a_defect_are_listed_and_marked(
@@ -197,9 +190,9 @@ def test_nozzles_with_a_defect_are_listed_and_marked(
     drawn: list[list[picture.Spray]] = []
     monkeypatch.setattr(picture, "_sprays", lambda ax, side, sprays: drawn.append(sprays))
     draw_machine(load_case(CASES / "slab1200" / "nozzles_47_52.toml"), tmp_path / "m.png", "slab")
-    output = " ".join(capsys.readouterr().out.split())
-    assert 'nozzles of "straightener" from roll 47 to 52 with 66 % of their water' in output
-    assert re.search(r"straightener wide_face [^#]* 66 % of the water from roll 47 to 52", output)
+    out = " ".join(capsys.readouterr().out.split())
+    assert 'nozzles of "straightener" from roll 47 to 52 with 66 % of their water' in out
+    assert re.search(r"straightener wide_face [^#]* 66 % of the water from roll 47 to 52", out)
     (sprays,) = drawn
     assert sum(spray.defect for spray in sprays) == 2 * 5  # gaps, on both wide faces
 

@@ -25,9 +25,9 @@ from mechanics.cooled import CooledSlice
 STEEL = load_steel("carbon_042")
 
 
-def billet_mesh(symmetry: str = "quarter", **given: Any) -> meshes.SectionMesh:
+def billet_mesh(symmetry: str = "quarter", **settings: Any) -> meshes.SectionMesh:
     sizes: dict[str, Any] = {"surface_size": 1e-3, "core_size": 1e-2, "cell": "quadrilateral"}
-    sizes |= {"width": 0.125, "height": 0.125} | given
+    sizes |= {"width": 0.125, "height": 0.125} | settings
     return meshes.build("rectangle", symmetry=symmetry, **sizes)
 
 
@@ -41,7 +41,7 @@ def in_its_mould(mesh: meshes.SectionMesh) -> dict[str, Any]:
 
 
 class CastSetup(CooledSlice):
-    """A strand section that solidifies and strains; `given` changes the `Slice`.
+    """A strand section that solidifies and strains; `settings` changes the `Slice`.
 
     `ratio` is the stiffness of the liquid over that of the solid, `cooling` a heat transfer
     coefficient in W/m2K; `springs` replaces pins, as stiffness over Young's modulus.
@@ -55,7 +55,7 @@ class CastSetup(CooledSlice):
         options: dict[str, Any] | None = None,
         cooling: float = 1600.0,
         springs: float | None = None,
-        **given: Any,
+        **settings: Any,
     ) -> None:
         start = STEEL.liquidus + 20.0
         curve = STEEL.thermal_curve(400.0, start + 2.0, start)
@@ -69,7 +69,7 @@ class CastSetup(CooledSlice):
             "planes": PlainPlanes(allowed_strains(section.groups)),
             "ferrostatic": Ferrostatic(Machine(Steady(0.06)).head(7000.0), STEEL.solid_fraction),
         }
-        definition = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given))
+        definition = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | settings))
         super().__init__(thermal, definition, options=options, springs=springs)
 
     def frozen(self, until: float, step: float) -> CastSetup:

@@ -13,9 +13,9 @@ from castfem.physics.mechanics.stepper import MechanicalStepper
 
 
 class CooledSlice:
-    def __init__(self, thermal: ThermalSetup, slice_: Slice, **given: Any) -> None:
+    def __init__(self, thermal: ThermalSetup, slice_: Slice, **settings: Any) -> None:
         self.thermal = thermal
-        self.problem = MechanicalProblem(thermal.section, slice_, **given)
+        self.problem = MechanicalProblem(thermal.section, slice_, **settings)
         self.stepper = MechanicalStepper(self.problem)
         self.state = self.stepper.initial(0.0, thermal.state.point.temperature)
         self.results: list[MechanicalResult] = []

@@ -48,11 +48,11 @@ class Block:
 
     @classmethod
     def of(
-        cls, mesh: meshes.SectionMesh, law: Any, rules: Integration | None, **given: Any
+        cls, mesh: meshes.SectionMesh, law: Any, rules: Integration | None, **settings: Any
     ) -> Block:
         """Return a block free of stress."""
         section = Section(MPI.COMM_SELF, mesh)
-        slice_ = Slice(law, np.zeros_like, PlainPlanes(()), integration=rules, **given)
+        slice_ = Slice(law, np.zeros_like, PlainPlanes(()), integration=rules, **settings)
         problem = MechanicalProblem(section, slice_)
         stepper = MechanicalStepper(problem, judge=False)
         return cls(problem, stepper, stepper.initial(0.0, np.zeros(section.owned)))

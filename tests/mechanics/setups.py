@@ -45,7 +45,7 @@ def expansion(coefficient: float) -> Callable[[Array], Array]:
 
 @dataclass
 class SliceSetup:
-    """A section, its equilibrium and its current state; `given` changes the `Slice`."""
+    """A section, its equilibrium and its current state; `settings` changes the `Slice`."""
 
     mesh: meshes.SectionMesh
     law: Any = field(default_factory=elastic)
@@ -54,14 +54,14 @@ class SliceSetup:
     options: dict[str, Any] = field(default_factory=dict)
     tolerance: float = 1e-8
     extrapolate: bool = True
-    given: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
     springs: float | None = None
     judge: bool = False  # closed forms hold for the equations at any strain
     start: float | Callable[[Array, Array], Array] = 0.0
 
     def __post_init__(self) -> None:
         self.section = Section(self.comm, self.mesh if self.comm.rank == 0 else None)
-        slice_ = replace(Slice(self.law, self.thermal), **self.given)
+        slice_ = replace(Slice(self.law, self.thermal), **self.settings)
         self.problem = MechanicalProblem(
             self.section, slice_, self.options, self.tolerance, springs=self.springs
         )
@@ -112,10 +112,10 @@ class SliceSetup:
 
 
 def pressed_tube(
-    cells: tuple[int, int], radii: tuple[float, float], law: Any, pressure: Any, **given: Any
+    cells: tuple[int, int], radii: tuple[float, float], law: Any, pressure: Any, **settings: Any
 ) -> SliceSetup:
     """Set up a quarter of a tube under inner pressure (Pa over time); default: plane strain."""
-    cell = given.pop("cell", "quadrilateral")
+    cell = settings.pop("cell", "quadrilateral")
     mesh = mapped(*cells, ring(*radii), cell, 2, RING_GROUPS)
     loads = (SurfacePressure(("inner",), pressure),)
-    return SliceSetup(mesh, law, given={"planes": PlainPlanes(()), "loads": loads, **given})
+    return SliceSetup(mesh, law, settings={"planes": PlainPlanes(()), "loads": loads, **settings})

@@ -160,7 +160,7 @@ def test_creeping_bar_has_the_moment_of_norton() -> None:
             1, 8, box(width / 2, height / 2), groups=("symmetry_x", "neutral", "side", "outside")
         ),
         law,
-        given={"planes": PlainPlanes((), {"a2": lambda t: rate * t})},
+        settings={"planes": PlainPlanes((), {"a2": lambda t: rate * t})},
     )
     for time in np.cumsum(np.geomspace(1e-2, 2e4, 40)):
         result = setup.step(float(time))
@@ -192,7 +192,7 @@ def test_linear_displacement_gives_constant_stress(cell: str, order: int) -> Non
     )
     planes = PlainPlanes((), {"a0": lambda t: 5e-4 * t})
     mesh = mapped(3, 3, skewed(0.1, 0.07), cell, order, FREE)
-    setup = SliceSetup(mesh, given={"held": held, "planes": planes, "pin": False})
+    setup = SliceSetup(mesh, settings={"held": held, "planes": planes, "pin": False})
     setup.step(1.0)
     strain = np.array([1e-3, -2e-3, 5e-4, 3e-4 / np.sqrt(2)])
     assert np.abs(setup.stress / (stiffness() @ strain) - 1).max() < 1e-11
@@ -204,7 +204,7 @@ def test_free_expansion_makes_no_stress(cell: str, order: int) -> None:
     setup = SliceSetup(
         mapped(3, 2, skewed(0.1, 0.07), cell, order, FREE),
         thermal=expansion(1e-5),
-        given={"planes": PlainPlanes(("a0", "a1", "a2"))},
+        settings={"planes": PlainPlanes(("a0", "a1", "a2"))},
     )
     setup.step(1.0, 500.0)
     assert setup.state.generalized_strains == pytest.approx([5e-3, 0.0, 0.0, 0.0], abs=1e-13)
@@ -232,7 +232,7 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
 
     # Second-order displacement contains all quadratics on straight-sided cells only.
     mesh = mapped(2, 4, centred if order == 1 else straight, cell, order, FREE)
-    setup = SliceSetup(mesh, elastic(E, NU), given={"planes": planes})
+    setup = SliceSetup(mesh, elastic(E, NU), settings={"planes": planes})
     result = setup.step(1.0)
     y = setup.places[:, 1]
     assert setup.state.generalized_strains == pytest.approx([e0, 0.0, k, 0.0], abs=1e-13)
@@ -258,7 +258,7 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
 def test_single_cell_is_exact(cell: str) -> None:
     """A quarter of a single quadrilateral or two triangles, pulled along the strand."""
     setup = SliceSetup(
-        mapped(1, 1, box(0.01, 0.01), cell), given={"planes": PlainPlanes(force=lambda t: 1e3)}
+        mapped(1, 1, box(0.01, 0.01), cell), settings={"planes": PlainPlanes(force=lambda t: 1e3)}
     )
     setup.step(1.0)
     assert setup.stress[:, 2] == pytest.approx(1e7, rel=1e-11)
@@ -271,7 +271,7 @@ def test_thin_cells_are_exact(cell: str) -> None:
     """Thin cells change neither exactness nor the number of iterations."""
     planes = PlainPlanes(("a0", "a1", "a2"), moment_y=lambda t: 10.0)
     mesh = mapped(2, 20, box(0.1, 0.02, -0.05, -0.01), cell, 1, FREE)
-    setup = SliceSetup(mesh, given={"planes": planes})
+    setup = SliceSetup(mesh, settings={"planes": planes})
     result = setup.step(1.0)
     inertia = 0.1 * 0.02**3 / 12
     assert np.abs(setup.stress[:, 2] * inertia / (10.0 * setup.places[:, 1]) - 1).max() < 1e-8

@@ -178,8 +178,8 @@ def refusal(
     "middle" is the x displacement of the middle node, m; the others are displacement gradients,
     "half" being yx of the right half only.
     """
-    given = {"large_strain": large}
-    setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), law, judge=True, given=given)
+    settings = {"large_strain": large}
+    setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), law, judge=True, settings=settings)
     problem, judge = setup.problem, setup.stepper._validity
     x, y = problem.space.tabulate_dof_coordinates()[:, :2].T
     along = u.get("xx", 0.0) * x + u.get("xy", 0.0) * y

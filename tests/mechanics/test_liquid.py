@@ -45,7 +45,7 @@ def test_liquid_slice_expands_by_hooke() -> None:
     ratio, head = 1e-4, 1e3
     setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.1)), soft(ratio), expansion(1e-5),
-        given={"ferrostatic": pressed(head)}, start=HOT,
+        settings={"ferrostatic": pressed(head)}, start=HOT,
     )  # fmt: skip
     setup.step(1.0)
     corner = setup.displacement(lambda x, y: (x > 0.0999) & (y > 0.0999))[0]
@@ -65,10 +65,10 @@ def test_liquid_does_not_contract() -> None:
 
 def test_solid_slice_has_no_ferrostatic_pressure() -> None:
     """The result is that without ferrostatic pressure."""
-    given = {"ferrostatic": pressed(1e6)}
+    settings = {"ferrostatic": pressed(1e6)}
     with_pressure, without = (
-        SliceSetup(mapped(3, 3, box(0.1, 0.1)), soft(1e-5), expansion(1e-5), given=g, start=COLD)
-        for g in (given, {})
+        SliceSetup(mapped(3, 3, box(0.1, 0.1)), soft(1e-5), expansion(1e-5), settings=g, start=COLD)
+        for g in (settings, {})
     )
     for setup in (with_pressure, without):
         setup.step(1.0, lambda x, y: COLD - 1e4 * x * y)
@@ -89,7 +89,7 @@ def test_shell_around_soft_liquid_is_lames_tube(cell: str) -> None:
         mesh = mapped(30, 12, ring(0.02, outer), cell, 2, RING_GROUPS)
         setup = SliceSetup(
             mesh, soft(ratio), start=heat,
-            given={
+            settings={
                 "ferrostatic": pressed(head), "planes": PlainPlanes(()),
                 "held": tuple(PrescribedDisplacement(("inner",), i) for i in range(2)),
             },
@@ -188,18 +188,18 @@ def soft_or_fed(ratio: float, fed: bool) -> ThermoElastic:
 
 def built(
     mesh: Any, heat: Any, ratio: float, fed: bool = True, comm: MPI.Comm = MPI.COMM_SELF,
-    **given: Any,
+    **settings: Any,
 ) -> SliceSetup:  # fmt: skip
     def fraction(temperature: Array) -> Array:
         return np.clip((LIQUIDUS - temperature) / (LIQUIDUS - SOLIDUS), 0.0, 1.0)
 
-    given = {
+    settings = {
         "ferrostatic": Ferrostatic(lambda t: HEAD, fraction, "full", "free"),
         "planes": PlainPlanes(()),
         "liquid": "fed" if fed else "elastic",
-        **given,
+        **settings,
     }
-    return SliceSetup(mesh, soft_or_fed(ratio, fed), comm=comm, start=heat, given=given)
+    return SliceSetup(mesh, soft_or_fed(ratio, fed), comm=comm, start=heat, settings=settings)
 
 
 def tube(ratio: float, fed: bool = True, large: bool = False) -> SliceSetup:

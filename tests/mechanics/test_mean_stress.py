@@ -115,8 +115,8 @@ ONE_RULE = Integration(4, 4, linear=False)
 
 def tube(cells: int, cell: str, rules: Integration | None, law: object = None) -> SliceSetup:
     """Set up a quarter of a thick tube under inner pressure, in plane strain."""
-    law, given = law or elastic(E, NU), {"cell": cell, "integration": rules}
-    return pressed_tube((cells, cells), (INNER, OUTER), law, lambda t: PRESSURE, **given)
+    law, settings = law or elastic(E, NU), {"cell": cell, "integration": rules}
+    return pressed_tube((cells, cells), (INNER, OUTER), law, lambda t: PRESSURE, **settings)
 
 
 def bore(setup: SliceSetup, nodal: Array) -> float:
@@ -187,7 +187,7 @@ def setup_on(
 ) -> SliceSetup:
     pressure = Ferrostatic(lambda t: HEAD, fraction, mushy_zone, outside)  # type: ignore[arg-type]
     mesh = mapped(cells, cells, shape, cell, order)
-    return SliceSetup(mesh, elastic(), given={"ferrostatic": pressure}, start=1600.0)
+    return SliceSetup(mesh, elastic(), settings={"ferrostatic": pressure}, start=1600.0)
 
 
 @pytest.mark.parametrize("mushy_zone", list(SHARES))
@@ -277,8 +277,8 @@ def test_liquid_at_the_surface_is_supported_from_outside(cell: str) -> None:
 def scaled_square(outside: str) -> tuple[Array, Array]:
     """Return the nodes of a liquid square scaled by 1.3, and the forces of its pressure."""
     pressure = Ferrostatic(lambda t: HEAD, fraction, outside=outside)  # type: ignore[arg-type]
-    given = {"ferrostatic": pressure, "large_strain": True}
-    setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), elastic(), given=given, start=1780.0)
+    settings = {"ferrostatic": pressure, "large_strain": True}
+    setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), elastic(), settings=settings, start=1780.0)
     problem = setup.problem
     problem.begin(setup.state, 1.0, setup.field(1780.0))
     places = problem.space.tabulate_dof_coordinates()[:, :2]

@@ -72,7 +72,7 @@ def test_elastic_strand_bends_about_its_neutral_axis() -> None:
     half, radius = 0.05, 10.0
     mesh = mapped(1, 4, box(0.1, 2 * half, 0.0, -half), groups=("symmetry_x", *FREE[1:]))
     planes = BentPlanes(lambda t: min(t, 1.0) / radius, half, test_direction="axial")
-    setup = SliceSetup(mesh, elastic(E), given={"planes": planes})
+    setup = SliceSetup(mesh, elastic(E), settings={"planes": planes})
     for time in (0.25, 0.5, 1.0):
         result = setup.step(time)
     a0, a2 = setup.state.generalized_strains[[0, 2]]
@@ -84,7 +84,7 @@ def test_elastic_strand_bends_about_its_neutral_axis() -> None:
     )
     # An axial force F shifts the axis by F / (E A) / a2 from mid-thickness.
     planes = BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t, test_direction="axial")
-    pulled = SliceSetup(mesh, elastic(E), given={"planes": planes})
+    pulled = SliceSetup(mesh, elastic(E), settings={"planes": planes})
     balance = pulled.step(1.0).balance
     assert balance.axial[0] == pytest.approx(1e6, rel=1e-9)
     assert pulled.state.generalized_strains[0] == pytest.approx(
@@ -100,7 +100,7 @@ def test_strain_across_moves_the_points() -> None:
         setup = SliceSetup(
             mapped(2, 2, box(0.1, 0.1)),
             elastic(E),
-            given={"planes": PlainPlanes(("a0",), imposed), "held": (side,)},
+            settings={"planes": PlainPlanes(("a0",), imposed), "held": (side,)},
         )
         setup.step(1.0)
         found.append(
@@ -122,14 +122,14 @@ def test_symmetry_determines_the_free_strains() -> None:
 
 def test_setup_has_only_the_requested_planes() -> None:
     mesh = mapped(2, 2, box(0.1, 0.1))
-    fixed = SliceSetup(mesh, given={"planes": PlainPlanes(())})
+    fixed = SliceSetup(mesh, settings={"planes": PlainPlanes(())})
     assert fixed.problem.bordered.scalars == 0
     assert not [f for f in fixed.section.compiled if "column" in f or "corner" in f]
     assert fixed.problem.solver.x.getSize() == fixed.problem.owned
     free = SliceSetup(mesh)
     assert free.problem.solver.x.getSize() == free.problem.owned + 1
     with pytest.raises(InputError, match="symmetry of this section"):
-        SliceSetup(mesh, given={"planes": PlainPlanes(("a0", "a1"))})
+        SliceSetup(mesh, settings={"planes": PlainPlanes(("a0", "a1"))})
 
 
 def test_names_of_generalized_strains_are_checked() -> None:
@@ -210,13 +210,13 @@ def arc(time: float) -> float:
     return bent_extrados(BENT_MIDDLE * max(0.0, min(time, 1.0, 3.0 - time)))
 
 
-def strand(law: object, cells: int = 4, **given: object) -> SliceSetup:
+def strand(law: object, cells: int = 4, **settings: object) -> SliceSetup:
     """Set up half a strand with free faces."""
     mesh = mapped(
         1, cells, box(WIDTH, 2 * BENT_HALF, 0.0, -BENT_HALF), groups=("symmetry_x", "b", "r", "t")
     )
-    planes = BentPlanes(arc, BENT_HALF, **given.pop("planes", {}))  # type: ignore[arg-type]
-    return SliceSetup(mesh, law, given={"planes": planes}, **given)  # type: ignore[arg-type]
+    planes = BentPlanes(arc, BENT_HALF, **settings.pop("planes", {}))  # type: ignore[arg-type]
+    return SliceSetup(mesh, law, settings={"planes": planes}, **settings)  # type: ignore[arg-type]
 
 
 def run(setup: SliceSetup, steps: int, end: float = 3.0) -> None:
@@ -282,8 +282,8 @@ def test_axial_test_direction_is_that_of_the_thesis() -> None:
 
 def test_work_contained_in_the_force_is_not_added() -> None:
     """A measured pull equals N - k M including the work of bending."""
-    given = {"force": lambda t: 3e5, "contains_work": True}
-    setup = strand(elastic(YOUNG), planes=given)
+    settings = {"force": lambda t: 3e5, "contains_work": True}
+    setup = strand(elastic(YOUNG), planes=settings)
     run(setup, 4, end=1.0)
     force, moment = forces(setup)
     assert force - BENT_MIDDLE * moment == pytest.approx(3e5, rel=1e-9)

@@ -30,7 +30,7 @@ def test_slice_at_constant_strain_relaxes_as_norton() -> None:
     strain = 15e6 / YOUNG
     mesh = mapped(2, 2, skewed(0.02, 0.01))
     setup = SliceSetup(
-        mesh, law, given={"planes": PlainPlanes((), {"a0": lambda t: strain if t > 0 else 0.0})}
+        mesh, law, settings={"planes": PlainPlanes((), {"a0": lambda t: strain if t > 0 else 0.0})}
     )
     times = np.concatenate([[1e-9], np.geomspace(1e-3, 1e3, 481)])
     volume = setup.problem.points.deviator.volume
@@ -56,7 +56,7 @@ def test_work_on_a_compressed_slice_is_stored_or_dissipated(cell: str) -> None:
         setup = SliceSetup(
             mapped(4, 4, box(0.02, 0.02), cell, groups=FREE),
             NortonCreep.constant(stiff, 1e-4, 2e7, 4.0),
-            given={
+            settings={
                 "planes": PlainPlanes(()),
                 "held": (
                     *(PrescribedDisplacement(("bottom",), i) for i in range(2)),
@@ -99,7 +99,7 @@ def test_nearly_incompressible_tube_does_not_lock(cell: str) -> None:
         setup = SliceSetup(
             mapped(3, 4, ring(a, b), cell, 2, RING_GROUPS),
             elastic(YOUNG, poisson),
-            given={
+            settings={
                 "planes": PlainPlanes(()),
                 "loads": (SurfacePressure(("inner",), lambda t: pressure),),
             },
@@ -143,7 +143,7 @@ def test_rotating_block_flows_as_one_at_rest(flows: str) -> None:
     def end(angle: float, steps: int) -> tuple[Array, Array]:
         setup = SliceSetup(
             mapped(2, 2, box(0.1, 0.07), groups=FREE), law, extrapolate=False,
-            given={
+            settings={
                 "held": held_by(lambda t: turn(angle * t) @ stretched(t)),
                 "planes": PlainPlanes(()), "pin": False, "large_strain": True,
             },
@@ -173,7 +173,7 @@ def test_bending_about_the_y_axis_is_exact(imposed: bool) -> None:
     else:
         planes = PlainPlanes(("a0", "a1", "a2"), moment_x=lambda t: YOUNG * inertia * k)
     mesh = mapped(4, 2, box(width, height, -width / 2, -height / 2), groups=FREE)
-    setup = SliceSetup(mesh, elastic(YOUNG, 0.3), given={"planes": planes})
+    setup = SliceSetup(mesh, elastic(YOUNG, 0.3), settings={"planes": planes})
     balance = setup.step(1.0).balance
     assert setup.state.generalized_strains == pytest.approx([0.0, k, 0.0, 0.0], abs=1e-13)
     largest = YOUNG * k * width / 2
@@ -187,13 +187,13 @@ def test_imposed_elongation_gives_the_axial_force() -> None:
     area, alpha = 1e-4, 1e-5
     history = np.array([0.0, 1e-4, 3e-4, -2e-4])
     planes = PlainPlanes((), {"a0": lambda t: float(np.interp(t, range(4), history))})
-    setup = SliceSetup(mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), given={"planes": planes})
+    setup = SliceSetup(mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), settings={"planes": planes})
     for time in (1.0, 2.0, 3.0):
         balance = setup.step(time).balance
         assert balance.axial[0] == pytest.approx(YOUNG * history[int(time)] * area, rel=1e-10)
     fixed = SliceSetup(
         mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), lambda T: alpha * T,
-        given={"planes": PlainPlanes(())},
+        settings={"planes": PlainPlanes(())},
     )  # fmt: skip
     balance = fixed.step(1.0, 100.0).balance
     assert balance.axial[0] == pytest.approx(-YOUNG * alpha * 100.0 * area, rel=1e-10)
@@ -224,7 +224,7 @@ def test_each_option_reaches_petsc(name: str, free: bool) -> None:
     planes = PlainPlanes(("a0",) if free else ())
     setup = SliceSetup(
         mapped(2, 2, box(0.1, 0.1)), thermal=lambda T: 1e-5 * T, options=options,
-        given={"planes": planes},
+        settings={"planes": planes},
     )  # fmt: skip
     setup.step(1.0, lambda x, y: 100 * x)
     bordered, snes = setup.problem.bordered, setup.problem.solver.snes
@@ -236,7 +236,7 @@ def test_default_solver_is_direct() -> None:
     """PETSc's LU on one rank; else MUMPS: Cholesky for small strain, LU for large."""
     own = has_minimum_degree()
     for large, kind in ((False, "lu" if own else "cholesky"), (True, "lu")):
-        setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), given={"large_strain": large})
+        setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), settings={"large_strain": large})
         setup.step(1.0)
         ksp = setup.problem.bordered.ksp
         assert (ksp.getType(), ksp.getPC().getType()) == ("preonly", kind)

@@ -32,10 +32,10 @@ def uneven(x: Array, y: Array) -> Array:
     return np.asarray(-300.0 * (x / 0.1) ** 2 - 100.0 * (y / 0.1))
 
 
-def cooled(**given: Any) -> SliceSetup:
+def cooled(**settings: Any) -> SliceSetup:
     """Set up a quarter that cools nonuniformly and creeps."""
-    law = given.pop("law", CREEP)
-    return SliceSetup(mapped(4, 4, box(0.1, 0.1)), law, expansion(2e-5), **given)
+    law = settings.pop("law", CREEP)
+    return SliceSetup(mapped(4, 4, box(0.1, 0.1)), law, expansion(2e-5), **settings)
 
 
 def test_options_reach_snes() -> None:
@@ -59,9 +59,9 @@ def test_options_reach_snes() -> None:
 def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, free: bool) -> None:
     """They reach the solver of the displacement block, with and without free strains."""
     planes = PlainPlanes(("a0",) if free else ())
-    reference = cooled(given={"planes": planes})
+    reference = cooled(settings={"planes": planes})
     reference.step(1.0, uneven)
-    setup = cooled(options=options, given={"planes": planes})
+    setup = cooled(options=options, settings={"planes": planes})
     setup.step(1.0, uneven)
     ksp = setup.problem.bordered.ksp
     assert ksp.getType() == kind
@@ -81,7 +81,7 @@ def test_options_of_two_problems_are_separate(free: bool) -> None:
     setups = {
         share: cooled(
             options={"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": share},
-            given={"planes": planes},
+            settings={"planes": planes},
         )
         for share in (77, 33)
     }
@@ -97,14 +97,14 @@ def test_rejected_options_have_no_after_effect(free: bool) -> None:
     planes = PlainPlanes(("a0",) if free else ())
     for wrong in ("snes_type", "ksp_type"):
         with pytest.raises(InputError, match=f'mechanical solver, {wrong} = "bogus"'):
-            cooled(options={"mat_mumps_icntl_14": 77, wrong: "bogus"}, given={"planes": planes})
+            cooled(options={"mat_mumps_icntl_14": 77, wrong: "bogus"}, settings={"planes": planes})
         assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
 
 
 @pytest.mark.parametrize("free", [True, False])
 def test_misspelt_options_are_reported(free: bool, told: pytest.LogCaptureFixture) -> None:
     options = {"snes_maxit": 1, "pc_typ": "lu", "snes_max_it": 20}
-    setup = cooled(options=options, given={"planes": PlainPlanes(("a0",) if free else ())})
+    setup = cooled(options=options, settings={"planes": PlainPlanes(("a0",) if free else ())})
     setup.step(1.0, uneven)
     setup.step(2.0, lambda x, y: 2 * uneven(x, y))
     first, second = sorted(record.getMessage() for record in told.records)
@@ -135,7 +135,7 @@ def test_iterations_are_independent_of_units(length: float, stress: float) -> No
             mapped(4, 4, box(0.1 * length, 0.1 * length)),
             law,
             lambda T: 2e-5 * T,
-            given={"planes": PlainPlanes(force=lambda t: 1e4 * stress * length**2 * t)},
+            settings={"planes": PlainPlanes(force=lambda t: 1e4 * stress * length**2 * t)},
         )
         for time in (1.0, 2.0):
             setup.step(time, lambda x, y, t=time: t * uneven(x / length, y / length))
@@ -225,7 +225,7 @@ def test_large_prescribed_displacement_converges() -> None:
     setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.05)),
         law,
-        given={
+        settings={
             "held": (PrescribedDisplacement(("right",), 0, lambda p, t: np.full(len(p), 1e-2 * t)),)
         },
     )
@@ -337,7 +337,7 @@ def test_guess_without_valid_residual_is_skipped(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
-    "given",
+    "settings",
     [
         {"held": (PrescribedDisplacement(("lid",), 0),)},
         {"loads": (SurfacePressure(("right", "lid"), lambda t: 1.0),)},
@@ -348,6 +348,6 @@ def test_guess_without_valid_residual_is_skipped(monkeypatch: pytest.MonkeyPatch
         },
     ],
 )
-def test_unknown_boundary_groups_are_rejected(given: dict[str, Any]) -> None:
+def test_unknown_boundary_groups_are_rejected(settings: dict[str, Any]) -> None:
     with pytest.raises(InputError, match='"lid": no such boundary group; there are symmetry_x'):
-        cooled(given=given)
+        cooled(settings=settings)

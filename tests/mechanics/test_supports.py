@@ -32,9 +32,9 @@ HELD = {
 }
 
 
-def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceSetup:
+def block(*held: tuple[str, int], groups: Any = SIDES, **settings: Any) -> SliceSetup:
     """Set up a rectangle centred on the origin that expands with its temperature."""
-    options, springs = given.pop("options", {}), given.pop("springs", False)
+    options, springs = settings.pop("options", {}), settings.pop("springs", False)
     shape = box(WIDTH, HEIGHT, -0.5 * WIDTH, -0.5 * HEIGHT)
     return SliceSetup(
         mapped(4, 4, shape, groups=groups),
@@ -42,7 +42,10 @@ def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceSet
         expansion(ALPHA),
         options=options,
         springs=SPRING if springs else None,
-        given={"held": tuple(PrescribedDisplacement((side,), i) for side, i in held), **given},
+        settings={
+            "held": tuple(PrescribedDisplacement((side,), i) for side, i in held),
+            **settings,
+        },
     )
 
 

@@ -100,8 +100,8 @@ def cooled(
     comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool, until: float = 2.0
 ) -> CastSetup:
     mesh = billet_mesh(symmetry, cell=cell, surface_size=4e-3, core_size=1.5e-2)
-    given = in_its_mould(mesh) if mould else {}
-    return CastSetup(mesh, comm, large_strain=large, **given).advance(until, 0.5)
+    settings = in_its_mould(mesh) if mould else {}
+    return CastSetup(mesh, comm, large_strain=large, **settings).advance(until, 0.5)
 
 
 def gathered(setup: CastSetup) -> list[np.ndarray] | None:
@@ -208,8 +208,8 @@ def driven(
     )
     planes = PlainPlanes((), {"a0": stretch})
     mesh = mapped(2, 2, skewed(0.1, 0.07), cell, groups=FREE)
-    given = {"held": held, "planes": planes, "pin": False, "large_strain": True}
-    return SliceSetup(mesh, elastic(E, NU), given=given, extrapolate=False, tolerance=1e-10)
+    settings = {"held": held, "planes": planes, "pin": False, "large_strain": True}
+    return SliceSetup(mesh, elastic(E, NU), settings=settings, extrapolate=False, tolerance=1e-10)
 
 
 def turn(angle: float) -> Array:
@@ -267,12 +267,14 @@ def test_tension_at_constant_rate_has_the_true_stress(axial: bool) -> None:
     def stretch(t: float) -> float:
         return float(np.exp(rate * t) - 1)
 
-    given: dict[str, object] = {"large_strain": True}
+    settings: dict[str, object] = {"large_strain": True}
     if axial:
-        given["planes"] = PlainPlanes((), {"a0": stretch})
+        settings["planes"] = PlainPlanes((), {"a0": stretch})
     else:
-        given["held"] = (PrescribedDisplacement(("right",), 0, lambda p, t: p[:, 0] * stretch(t)),)
-    setup = SliceSetup(mesh, law, given=given)
+        settings["held"] = (
+            PrescribedDisplacement(("right",), 0, lambda p, t: p[:, 0] * stretch(t)),
+        )
+    setup = SliceSetup(mesh, law, settings=settings)
     for time in np.linspace(0.0, end / rate, 121)[1:]:
         result = setup.step(float(time))
     along = 2 if axial else 0
@@ -298,7 +300,7 @@ def test_elastic_tension_gives_hookes_law_of_true_strain() -> None:
         setup = SliceSetup(
             mapped(1, 1, box(0.01, 0.01)),
             elastic(E, NU),
-            given={"large_strain": True, "planes": PlainPlanes((), {"a0": lambda t: 0.5 * t})},
+            settings={"large_strain": True, "planes": PlainPlanes((), {"a0": lambda t: 0.5 * t})},
         )
         for i in range(steps):
             setup.step((i + 1) / steps)
@@ -311,9 +313,9 @@ def test_large_strain_tends_to_small_strain() -> None:
     """Both formulations agree to first order in the strain."""
 
     def tube(large: bool, pressure: float) -> Array:
-        given = {"planes": PlainPlanes(), "large_strain": large}
+        settings = {"planes": PlainPlanes(), "large_strain": large}
         rise = lambda t: pressure * t  # noqa: E731
-        setup = pressed_tube((3, 3), (0.02, 0.03), elastic(E, NU), rise, **given)
+        setup = pressed_tube((3, 3), (0.02, 0.03), elastic(E, NU), rise, **settings)
         setup.step(1.0)
         return setup.state.displacement / pressure
 

@@ -87,7 +87,7 @@ def test_jacobian_matches_differences(cell: str, large: bool, law: str, planes: 
         mapped(2, 2, skewed(0.1, 0.06), cell, groups=FREE),
         LAWS[law],
         expansion(1e-5),
-        given={
+        settings={
             "planes": PLANES[planes],
             "large_strain": large,
             "ferrostatic": Ferrostatic(lambda t: 5e6 * t, lambda T: np.clip(1 - T / 300, 0, 1)),
@@ -152,7 +152,7 @@ def pressed(cell: str, order: int, outside: str) -> SliceSetup:
         mapped(3, 2, skewed(0.1, 0.06), cell, order=order, groups=GROUPS),
         elastic(),
         expansion(1e-5),
-        given={"planes": PlainPlanes(("a0", "a1", "a2", "across")), "ferrostatic": solid},
+        settings={"planes": PlainPlanes(("a0", "a1", "a2", "across")), "ferrostatic": solid},
     )
 
 

@@ -26,7 +26,7 @@ POURED = 1495.0  # degC
 class Strip(CooledSlice):
     """A strip one cell wide that may strain uniformly along y and z; heat balance first.
 
-    `ratio` is the stiffness of the liquid over that of the solid; `given` changes the `Slice`.
+    `ratio` is the stiffness of the liquid over that of the solid; `settings` changes the `Slice`.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Strip(CooledSlice):
         carbon: float = 0.1,
         options: dict[str, Any] | None = None,
         length: float = 0.03,
-        **given: Any,
+        **settings: Any,
     ) -> None:
         steel = load_steel("weiner_boley")
         mesh = meshes.build(
@@ -59,7 +59,7 @@ class Strip(CooledSlice):
                 PrescribedDisplacement(("surface",), 0),
             ),
             pin=False,
-            **given,
+            **settings,
         )
         super().__init__(thermal, slice_, options=options)
 
