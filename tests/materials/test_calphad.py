@@ -61,29 +61,30 @@ def test_pure_iron_transforms_at_single_temperatures():
 @pytest.mark.parametrize("carbon", [0.09, 0.17, 0.53, 1.0])
 def test_lines_are_close_to_the_built_in_diagram(carbon):
     """Also near the ends of the peritectic line; two assessments differ by some kelvins."""
-    ours, theirs = table(carbon), alloyed({"C": carbon})
-    assert ours.liquidus == pytest.approx(theirs.liquidus, abs=2.0)
-    assert ours.solidus == pytest.approx(theirs.solidus, abs=8.0 if carbon == 1.0 else 3.0)
-    peritectic = [t for t in ours.reactions if t > 1700.0]
+    computed, built_in = table(carbon), alloyed({"C": carbon})
+    assert computed.liquidus == pytest.approx(built_in.liquidus, abs=2.0)
+    assert computed.solidus == pytest.approx(built_in.solidus, abs=8.0 if carbon == 1.0 else 3.0)
+    peritectic = [t for t in computed.reactions if t > 1700.0]
     assert len(peritectic) == (1 if 0.1 < carbon < 0.5 else len(peritectic))
-    assert ours.header["freezing"] == "equilibrium" and "outside" not in ours.header
-    carbides = ours.fraction("carbides", 500.0)
+    assert computed.header["freezing"] == "equilibrium" and "outside" not in computed.header
+    carbides = computed.fraction("carbides", 500.0)
     assert carbides == pytest.approx(carbon / 6.69, rel=0.05)
 
 
 def test_scheil_without_diffusion_matches_the_package():
     scheil = pytest.importorskip("scheil")
-    ours = table(0.6, Scheil(end=0.05, carbon_diffuses=False))
+    computed = table(0.6, Scheil(end=0.05, carbon_diffuses=False))
     carbon = 0.6 / 12.011 / (0.6 / 12.011 + 99.4 / 55.847)
-    theirs = scheil.simulate_scheil_solidification(
+    reference = scheil.simulate_scheil_solidification(
         pycalphad.Database(str(DATABASE)), ["FE", "C", "VA"], list(PHASES),
-        {pycalphad.variables.X("C"): carbon}, ours.liquidus + 1.0, step_temperature=2.0, stop=0.04,
+        {pycalphad.variables.X("C"): carbon}, computed.liquidus + 1.0,
+        step_temperature=2.0, stop=0.04,
     )  # fmt: skip
-    t, solid = np.array(theirs.temperatures[1:-1]), np.array(theirs.fraction_solid[1:-1])
-    inside = (t > ours.solidus) & (t < ours.liquidus - 2.0)
+    t, solid = np.array(reference.temperatures[1:-1]), np.array(reference.fraction_solid[1:-1])
+    inside = (t > computed.solidus) & (t < computed.liquidus - 2.0)
     assert inside.sum() > 40
     # The package has mole fractions; those of the liquid are up to a tenth larger by its carbon.
-    assert np.abs(1.0 - ours.fraction("liquid", t[inside]) - solid[inside]).max() < 0.02
+    assert np.abs(1.0 - computed.fraction("liquid", t[inside]) - solid[inside]).max() < 0.02
 
 
 def test_scheil_with_diffusing_carbon_is_the_lever_rule():

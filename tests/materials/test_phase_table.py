@@ -45,14 +45,14 @@ def test_table_is_unchanged_when_reread():
 
 def test_table_is_close_to_the_built_in_diagram():
     """The two are different assessments of iron and carbon."""
-    ours, theirs = TABLE, alloyed({"C": 0.17})
-    assert ours.liquidus == pytest.approx(theirs.liquidus, abs=1.0)
-    assert ours.solidus == pytest.approx(theirs.solidus, abs=1.0)
-    assert ours.gamma_start == pytest.approx(theirs.gamma_start, abs=1.0)
-    assert ours.gamma_end == pytest.approx(theirs.gamma_end, abs=2.0)
-    distant = WARM[np.abs(WARM - theirs.peritectic) > 1.0]
+    table, built_in = TABLE, alloyed({"C": 0.17})
+    assert table.liquidus == pytest.approx(built_in.liquidus, abs=1.0)
+    assert table.solidus == pytest.approx(built_in.solidus, abs=1.0)
+    assert table.gamma_start == pytest.approx(built_in.gamma_start, abs=1.0)
+    assert table.gamma_end == pytest.approx(built_in.gamma_end, abs=2.0)
+    distant = WARM[np.abs(WARM - built_in.peritectic) > 1.0]
     for name in ("liquid", "delta", "gamma"):
-        one, other = (getattr(d.phases(distant), name) for d in (ours, theirs))
+        one, other = (getattr(d.phases(distant), name) for d in (table, built_in))
         assert np.abs(one - other).max() < 0.03
 
 

@@ -100,9 +100,7 @@ def test_every_shipped_value_is_plausible_and_every_range_has_a_property() -> No
 
 
 @pytest.mark.parametrize("rate", ["9e-3 1/K", "-4e-3 1/K"])
-def test_differential_coefficient_may_change_steeply(
-    tmp_path: Path, rate: str
-) -> None:
+def test_differential_coefficient_may_change_steeply(tmp_path: Path, rate: str) -> None:
     table = (
         '[thermal_expansion]\ncoefficient = "differential"\n'
         f'temperature = ["20 degC", "1400 degC"]\nvalue = ["12e-6 1/K", "{rate}"]\n'

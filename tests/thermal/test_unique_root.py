@@ -50,7 +50,7 @@ def strip() -> castfem.Case:
 
 
 def quenched(case: castfem.Case) -> tuple[float, float]:
-    """Run; return the time at which film boiling has ended, s, and the heat removed, J/m."""
+    """Run a case; return the end of film boiling, s, and the heat removed, J/m."""
     with castfem.run(case) as result:
         history = result.history
         name = next(n for n in history.columns if n.startswith("surface_temperature"))
