@@ -112,13 +112,13 @@ def test_norton_is_the_viscous_law_without_hardening() -> None:
 # -- the curve (163) and its yield limit -------------------------------------------------------
 
 
-def test_norton_hoff_numbers() -> None:
+def test_norton_hoff_has_its_values() -> None:
     """(162) with K = 40 MPa, m = 0.15."""
     found = modified_norton_hoff(0.37, [1e-4, 1e-3, 1e-2], 40.0, 0.0, 0.15, 0.0)
     np.testing.assert_allclose(found, [18.89752, 26.69345, 37.7055], rtol=3e-7)
 
 
-def test_yield_limit_numbers() -> None:
+def test_yield_limit_has_its_values() -> None:
     """(209) in closed form for p1 = 0; E = 20 GPa, K0 p2 = 31.76 MPa, p3 = 0.13, p4 = 0.2."""
     for rate, strain, stress in ((1e-4, 1.541807e-4, 3.08361e6), (1e-3, 2.241455e-4, 4.48291e6)):
         found = yield_limit(E, rate, 31.76e6, 0.0, 0.13, 0.2)
@@ -204,7 +204,7 @@ def test_creep_below_the_curve_begins_after_a_delay() -> None:
     assert creep[-1] == pytest.approx(rate * 9.0 * delay, rel=5e-3)
 
 
-def test_given_yield_limit() -> None:
+def test_imposed_yield_limit_is_kept() -> None:
     """Elastic below the limit; beyond it the limit at low rates, the viscous curve at high ones."""
     law = norton_hoff(0.0, 0.13, 0.0, limit=6e6)
     slow, fast = 1e-10, 1e-1
@@ -218,7 +218,7 @@ def test_given_yield_limit() -> None:
         assert stress[-1] == pytest.approx(end, rel=1e-5)
 
 
-def test_the_viscous_law_approaches_the_curve_from_below() -> None:
+def test_viscous_law_approaches_the_curve_from_below() -> None:
     """Unlike with the automatic limit: a rounded knee, then a stress p3 H/E below the curve."""
     law = norton_hoff(0.0, 0.13, 0.2, limit=0.0)
     strain = np.linspace(0.0, 0.01, 2001)
@@ -283,7 +283,7 @@ KOZLOWSKI = {  # 0.27 %C, MPa: rows degC, columns rates 1e-4, 1e-3, 1e-2 at stra
 
 
 @pytest.mark.parametrize("celsius", KOZLOWSKI)
-def test_kozlowski_numbers(celsius: int) -> None:
+def test_kozlowski_has_its_values(celsius: int) -> None:
     rate, strain = np.meshgrid([1e-4, 1e-3, 1e-2], [0.002, 0.01, 0.05], indexing="ij")
     found = Austenite.at(celsius + ZERO, 0.27).stress(strain, rate).ravel() / MPA
     np.testing.assert_allclose(found, KOZLOWSKI[celsius], atol=0.006)
@@ -293,7 +293,7 @@ def test_kozlowski_numbers(celsius: int) -> None:
     ("celsius", "expected"),
     [(1400, (0.616, 0.996, 1.611)), (1450, (0.486, 0.801, 1.319)), (1500, (0.385, 0.647, 1.086))],
 )
-def test_delta_ferrite_numbers(celsius: int, expected: tuple[float, ...]) -> None:
+def test_delta_ferrite_has_its_values(celsius: int, expected: tuple[float, ...]) -> None:
     found = DeltaFerrite.at(celsius + ZERO, 0.05).stress(0.05, np.array([1e-4, 1e-3, 1e-2])) / MPA
     np.testing.assert_allclose(found, expected, atol=6e-4)
 

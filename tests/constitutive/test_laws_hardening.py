@@ -150,7 +150,7 @@ def stepped(law: RadialReturn, path: Callable[[float], Array], end: float, steps
 
 @pytest.mark.parametrize("path", [reversing, turning])
 def test_austenite_matches_kozlowski_with_signed_strain(path: Callable[[float], Array]) -> None:
-    """The error by the differential equation is of first order, also under rotating flow."""
+    """Compared with the differential equation the error is of first order, also as flow rotates."""
     end, marks = 18.0, 18
     times = np.linspace(0.0, end, marks + 1)
     goal = exact(path, times)[:, :4]

@@ -145,7 +145,7 @@ def freezing(ratio: float = 1e-6) -> Solidity:
 
 
 @pytest.mark.parametrize(("cell", "error"), [(0.1e-3, 0.0015), (0.5e-3, 0.03)])
-def test_weiner_boley(cell: float, error: float) -> None:
+def test_strip_has_the_stress_of_weiner_and_boley(cell: float, error: float) -> None:
     """The rms error over the shell at 5 s, relative to 20 MPa, with steps of 0.1 s."""
     law = load_law("weiner_boley", Elasticity.constant(40e9, 0.3, freezing()))
     found = strip(law, cell).advance(0.1, 5.0)

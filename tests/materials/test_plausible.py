@@ -91,7 +91,7 @@ def test_ambiguous_thousands_separator_is_rejected(tmp_path: Path) -> None:
     assert 'line 2: "7,850" can be 7850 or 7.850' in line
 
 
-def test_every_shipped_value_is_plausible_and_every_range_has_a_property() -> None:
+def test_shipped_values_are_plausible_and_ranges_have_keys() -> None:
     without = {"solid_fraction", "enthalpy", "poisson_ratio"}  # ratios, and a heat without datum
     assert all((f"steel.{key}" in RANGES) != (key in without) for key in KINDS)
     for name in available_steels():

@@ -166,7 +166,7 @@ def under_punch(block: Block, cells: int) -> tuple[Array, Array]:
 
 
 def punch_error(block: Block, fine: Block, cells: int) -> tuple[float, float]:
-    """Return the relative rms error by a fine mesh of the mean stress, and of its term xy.
+    """Return the relative rms errors of the mean stress and of its term xy, by a fine mesh.
 
     Squares at the edges of punch and walls, where the stress is singular, do not count.
     """

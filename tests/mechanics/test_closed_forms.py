@@ -144,7 +144,7 @@ def test_thick_cylinder_creeps_as_its_closed_form() -> None:
     assert orders[:, 1].min() > 3.5
 
 
-def test_thick_cylinder_on_triangles_creeps_so_too() -> None:
+def test_thick_cylinder_creeps_on_triangles() -> None:
     stress, rate = creep_errors(cylinder(8, "triangle"))
     assert stress < 5e-3
     assert rate < 1e-3
