@@ -1,8 +1,8 @@
-"""Strip and slice against a whole elastic shell between its rolls, in three dimensions.
+"""Strip and slice compared with a three-dimensional elastic shell between rolls.
 
-The shell was solved once, by hexahedra of second order (docs/slab_bulging.md, "The strip against a
-shell in three dimensions"): docs/data/shell3d.csv has its largest bulge and how far it reaches
-across, shell3d_face.csv the face of a narrow one in the middle of the pitch.
+The shell was computed once with second-order hexahedra (docs/slab_bulging.md, "The strip against a
+shell in three dimensions"). docs/data/shell3d.csv has its largest bulge and the extent of the bulge
+across the width, shell3d_face.csv the wide face of a narrow shell in the middle of the pitch.
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ DATA = Path(__file__).parents[2] / "docs" / "data"
 YOUNG, POISSON = 10e9, 0.3
 THICKNESS = 0.22  # of the slab, m
 PRESSURE = 0.2e6  # Pa
-SHEAR = 5.0 / 6.0  # share of the section of a plate that bears shear
+SHEAR = 5.0 / 6.0  # shear correction factor of a plate
 GROUPS = ("symmetry_x", "symmetry_y", "inside", "narrow_face", "wide_face")
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
     width: float  #: of the slab, m
-    shell: float  #: its thickness, m
+    shell: float  #: thickness of the shell, m
     pitch: float  #: m
 
     @property
     def strip(self) -> float:
-        """Largest bulge of the strip, m."""
+        """Return the largest bulge of the strip, m."""
         shell = Shell(self.shell, lambda depth: 1400.0)
         elastic = ElasticStrip(Elasticity.constant(YOUNG, POISSON))
         return elastic.bulge(Span(self.pitch, PRESSURE, 0.02), shell).largest
 
     @property
     def by_shear(self) -> float:
-        """What shear adds to it, p L^2/(8 k G h), m."""
+        """Return the additional bulge by shear, p L^2/(8 k G h), m."""
         modulus = YOUNG / (2.0 * (1.0 + POISSON))
         return PRESSURE * self.pitch**2 / (8.0 * SHEAR * modulus * self.shell)
 
@@ -64,7 +64,7 @@ class Box:
 
 
 def graded(end: float, first: float, growth: float, largest: float) -> Array:
-    """Distances from 0 to `end`, whose steps grow from `first` to `largest`."""
+    """Return distances from 0 to `end` with steps that grow from `first` to `largest`."""
     places, step = [0.0], first
     while places[-1] < end:
         places.append(places[-1] + step)
@@ -73,7 +73,7 @@ def graded(end: float, first: float, growth: float, largest: float) -> Array:
 
 
 def lines(box: Box, layers: int) -> tuple[Array, Array]:
-    """Places of the lines of cells across the section, from its middle: x, y, m."""
+    """Return the coordinates x and y of the grid lines from the centre of the section, m."""
     within = box.shell * np.linspace(0.0, 1.0, layers + 1)
     found = []
     for half, largest in ((0.5 * box.width, 0.03), (0.5 * THICKNESS, 0.02)):
@@ -84,7 +84,7 @@ def lines(box: Box, layers: int) -> tuple[Array, Array]:
 
 
 def section_of(box: Box, layers: int) -> meshes.SectionMesh:
-    """The quarter of the shell's section: cells of a lattice, those of the liquid left out."""
+    """Mesh a quarter of the section of the shell: a lattice without the cells of the liquid."""
     x, y = lines(box, layers)
     nx, ny = len(x) - 1, len(y) - 1
     i, j = (a.ravel() for a in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
@@ -98,14 +98,14 @@ def section_of(box: Box, layers: int) -> meshes.SectionMesh:
     taken = set(zip(i.tolist(), j.tolist(), strict=True))
     for a, b in sorted(taken):
         at = a * (ny + 1) + b
-        for other, pair, outer in (
+        for neighbour, pair, outer in (
             ((a - 1, b), (at, at + 1), 0),
             ((a, b - 1), (at, at + ny + 1), 1),
             ((a + 1, b), (at + ny + 1, at + ny + 2), 3),
             ((a, b + 1), (at + 1, at + ny + 2), 4),
         ):
-            if other not in taken:
-                inside = 0 <= other[0] < nx and 0 <= other[1] < ny
+            if neighbour not in taken:
+                inside = 0 <= neighbour[0] < nx and 0 <= neighbour[1] < ny
                 facets.append(pair)
                 group.append(2 if inside else outer)
     used, cells = np.unique(quads, return_inverse=True)
@@ -126,13 +126,13 @@ def section_of(box: Box, layers: int) -> meshes.SectionMesh:
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """How far a wide face moves outwards between two rolls."""
+    """Outward displacement of a wide face between two rolls."""
 
-    x: Array  #: from the middle, m, (n,)
-    moved: Array  #: m, (n,)
+    x: Array  #: distance from the centre line, m, (n,)
+    moved: Array  #: displacement, m, (n,)
 
     def half(self, width: float) -> float:
-        """Where it has moved half as far as in the middle, from the narrow face, m."""
+        """Return the distance from the narrow face of half the largest displacement, m."""
         beyond = np.flatnonzero(self.moved < 0.5 * self.moved[0])
         k = int(beyond[0])
         share = (0.5 * self.moved[0] - self.moved[k]) / (self.moved[k - 1] - self.moved[k])
@@ -140,7 +140,7 @@ class Face:
 
 
 def slice_of(box: Box, layers: int = 2) -> Face:
-    """The slice of castfem in the middle of the pitch, on the bed of the elastic strip."""
+    """Solve the slice in the middle of the pitch on the foundation of the elastic strip."""
     section = Section(MPI.COMM_SELF, section_of(box, layers))
     stiffness = PRESSURE / max(box.strip, LIMITS.least_bulge)
     bed = Bed(PRESSURE, stiffness, box.strip)
@@ -169,27 +169,27 @@ def slice_of(box: Box, layers: int = 2) -> Face:
     return Face(places[at, 0], u[at, 1])
 
 
-def test_a_wide_slab_bulges_as_strip_and_shear() -> None:
+def test_wide_slab_has_the_bulge_of_strip_and_shear() -> None:
     box, thicker = Box(1.2, 0.03, 0.5), Box(1.2, 0.06, 0.5)
     assert box.by_shear / box.strip == pytest.approx(8 * 1.2 / 0.7 * (0.03 / 0.5) ** 2, rel=1e-9)
     found = box.solved()
     assert found.undented == pytest.approx(1e3 * (box.strip + box.by_shear), rel=1e-2)
-    assert 0.0 < found.solid - found.undented < 0.01  # the roll's dent
+    assert 0.0 < found.solid - found.undented < 0.01  # indentation by the roll
     undented = thicker.solved().undented
     assert undented == pytest.approx(1e3 * (thicker.strip + thicker.by_shear), rel=3e-2)
     assert undented > 1.15e3 * thicker.strip
 
 
-def test_the_slice_knows_of_the_edges_what_the_strip_does_not() -> None:
+def test_slice_includes_the_effect_of_the_narrow_faces() -> None:
     box = Box(0.32, 0.03, 0.25)
     flat, solid, face = slice_of(box), box.solved(), pd.read_csv(DATA / "shell3d_face.csv")
     assert 1e3 * box.strip > 1.3 * solid.solid
     assert 1e3 * flat.moved[0] == pytest.approx(solid.solid, rel=4e-2)
-    there = np.interp(1e3 * flat.x, face.x, face.moved)
-    assert np.sqrt(np.mean((1e3 * flat.moved - there) ** 2)) < 0.03 * solid.solid
+    expected = np.interp(1e3 * flat.x, face.x, face.moved)
+    assert np.sqrt(np.mean((1e3 * flat.moved - expected) ** 2)) < 0.03 * solid.solid
     assert 1e3 * flat.half(box.width) == pytest.approx(solid.half_solid, abs=3.0)
 
 
-def test_cells_are_enough() -> None:
+def test_cells_are_fine_enough() -> None:
     coarse, fine = (slice_of(Box(0.32, 0.03, 0.25), layers) for layers in (2, 3))
     assert coarse.moved[0] == pytest.approx(fine.moved[0], rel=5e-3)

@@ -1,4 +1,4 @@
-"""The thesis' plates and springs (VI.2.2.2), with the numbers it gives and those it has wrong.
+"""The plates and springs of the thesis (VI.2.2.2), with an error of its formula (318).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -43,26 +43,26 @@ def cosine(position: npt.ArrayLike, length: float) -> Array:
 
 
 def free_deflection(pressure: npt.ArrayLike, across: npt.ArrayLike) -> Array:
-    """Deflection w1 of a plate that only its edges at the narrow faces hold (307), m."""
+    """Return the deflection w1 (307) of a plate supported only along its narrow faces, m."""
     amplitude = np.asarray(pressure) * WIDTH**4 / (np.pi**4 * 12.0 * BENDING)
     return np.asarray(1.5 * amplitude * cosine(across, WIDTH))
 
 
-def borne_share(along: npt.ArrayLike) -> Array:
-    """Share q/p of the pressure that the slice bears, its springs bearing the rest (315)."""
+def carried_share(along: npt.ArrayLike) -> Array:
+    """Return the share q/p (315) of the pressure carried by the slice; springs carry the rest."""
     ratio = (WIDTH / LENGTH) ** 2
     return np.asarray(cosine(along, LENGTH) / (1.5 * (ratio**2 + 2.0 / 3.0 * ratio + 1.0)))
 
 
 def spring_stiffness(along: npt.ArrayLike, across: npt.ArrayLike) -> Array:
-    """Stiffness k of the springs that make a slice bulge as w2 (318) as corrected, Pa/m."""
-    share = borne_share(along)
+    """Return the spring stiffness k of corrected (318), with which a slice bulges as w2, Pa/m."""
+    share = carried_share(along)
     with np.errstate(divide="ignore"):
         return (1.0 / share - 1.0) / free_deflection(1.0, across)
 
 
-def test_numbers_of_the_thesis() -> None:
-    """(309): about 40 and 0.1 mm."""
+def test_bulges_have_the_values_of_the_thesis() -> None:
+    """(309) gives about 40 and 0.1 mm."""
     free = float(free_deflection(P, 0.5 * WIDTH))
     clamped = float(clamped_deflection(P, BENDING, LENGTH, WIDTH, 0.5 * LENGTH, 0.5 * WIDTH))
     assert 1e3 * free == pytest.approx(43.0, abs=0.05)
@@ -71,22 +71,22 @@ def test_numbers_of_the_thesis() -> None:
     assert clamped / exact == pytest.approx(1.275, abs=1e-3)
 
 
-def test_springs_make_the_slice_bulge_as_the_plate() -> None:
-    """(313), (316), (317): the slice under q and the springs under f = p - q move alike."""
+def test_slice_on_springs_bulges_as_the_plate() -> None:
+    """(313), (316), (317): slice under q and springs under f = p - q have equal displacements."""
     along = np.linspace(0.01, 0.24, 24)[:, None]
     across = np.linspace(0.05, 1.15, 23)[None, :]
-    share = borne_share(along)
-    wanted = clamped_deflection(P, BENDING, LENGTH, WIDTH, along, across)
-    assert free_deflection(P * share, across) == pytest.approx(wanted, rel=1e-12)
-    force = spring_stiffness(along, across) * wanted
+    share = carried_share(along)
+    expected = clamped_deflection(P, BENDING, LENGTH, WIDTH, along, across)
+    assert free_deflection(P * share, across) == pytest.approx(expected, rel=1e-12)
+    force = spring_stiffness(along, across) * expected
     assert force == pytest.approx(np.broadcast_to(P * (1.0 - share), force.shape), rel=1e-9)
-    # The springs bear all but a quarter of a percent.
-    assert 0.0023 < float(borne_share(0.5 * LENGTH)) < 0.0025
+    # The springs carry all but a quarter of a percent.
+    assert 0.0023 < float(carried_share(0.5 * LENGTH)) < 0.0025
     assert np.isinf(spring_stiffness(0.0, 0.5 * WIDTH))
 
 
 def test_last_line_of_318_lacks_a_factor() -> None:
-    """As printed it is not the first line: 1.5 of (315) is missing in p/q."""
+    """As printed it differs from the first line: the factor 1.5 of (315) is missing in p/q."""
     bracket = (WIDTH / LENGTH) ** 4 + 2.0 / 3.0 * (WIDTH / LENGTH) ** 2 + 1.0
     cosine = 1.0 - np.cos(2.0 * np.pi * 0.3)
     per_pressure = free_deflection(1.0, 0.5 * WIDTH)
@@ -95,7 +95,7 @@ def test_last_line_of_318_lacks_a_factor() -> None:
     assert right / printed == pytest.approx(1.5, rel=2e-3)
 
 
-def test_plate_at_mid_width() -> None:
+def test_plate_has_the_closed_form_at_mid_width() -> None:
     plate = ThesisPlate(ELASTIC, WIDTH).bulge(SPAN, SHELL)
     z = np.linspace(0.0, LENGTH, 51)
     expected = clamped_deflection(P, BENDING, LENGTH, WIDTH, z, 0.5 * WIDTH)
@@ -104,24 +104,24 @@ def test_plate_at_mid_width() -> None:
     assert plate.roll_force == pytest.approx(P * LENGTH)
 
 
-def test_plate_is_amplified_to_a_reference() -> None:
-    """VI.2.2.3."""
+def test_plate_is_scaled_to_a_reference_bulge() -> None:
+    """As in VI.2.2.3 of the thesis."""
     plain = ThesisPlate(ELASTIC, WIDTH).bulge(SPAN, SHELL)
-    given = ThesisPlate(ELASTIC, WIDTH, largest=1.3e-3).bulge(SPAN, SHELL)
-    assert given.largest == pytest.approx(1.3e-3, rel=1e-12)
-    assert given.at(0.1) / plain.at(0.1) == pytest.approx(1.3e-3 / plain.largest, rel=1e-12)
-    assert given.moment == pytest.approx(plain.moment)
+    scaled = ThesisPlate(ELASTIC, WIDTH, largest=1.3e-3).bulge(SPAN, SHELL)
+    assert scaled.largest == pytest.approx(1.3e-3, rel=1e-12)
+    assert scaled.at(0.1) / plain.at(0.1) == pytest.approx(1.3e-3 / plain.largest, rel=1e-12)
+    assert scaled.moment == pytest.approx(plain.moment)
 
 
-def test_no_bulge() -> None:
+def test_bulge_of_none_is_zero() -> None:
     none = Bulge.none(SPAN, SHELL)
     assert none.largest == none.mean == 0.0
     assert not none.at([0.1, 0.2]).any() and not none.strain(0.0).any()
     assert none.roll_force == pytest.approx(50e3)
 
 
-def test_strain_of_a_bulge() -> None:
-    """Surface and front of an elastic strip: stretched and pressed in the middle of a pitch."""
+def test_strain_is_curvature_times_distance() -> None:
+    """In the middle of a pitch the surface is stretched and the front compressed."""
     bulge = ElasticStrip(ELASTIC).bulge(SPAN, SHELL)
     middle = len(bulge.z) // 2
     swing = (bulge.curvature[middle] - bulge.curvature[0]) * 0.015
@@ -130,7 +130,7 @@ def test_strain_of_a_bulge() -> None:
     assert bulge.strain(bulge.thickness)[middle] == pytest.approx(-swing, rel=1e-9)
 
 
-# The strip that yields to shear: a Timoshenko beam, against closed forms and a continuum.
+# The strip with shear deformation: a Timoshenko beam, closed forms and a continuum.
 
 
 DATA = Path(__file__).parents[2] / "docs" / "data" / "moving_strip.csv"
@@ -140,19 +140,19 @@ LONG_SPAN = Span(0.25, 0.3e6, 0.02)
 
 
 def uneven(thickness: float, surface: float) -> Shell:
-    """A shell whose front has 1490 degC, its surface so many degC."""
+    """Return a shell with a surface temperature in degC and 1490 degC at the front."""
     front, outside = 1763.15, surface + 273.15
     return Shell(thickness, lambda depth: outside + (front - outside) * depth / thickness)
 
 
-def test_a_shell_of_one_temperature_has_five_sixths_of_its_section() -> None:
+def test_uniform_shell_has_shear_factor_of_five_sixths() -> None:
     shear = STEEL.moduli(np.array([1273.15]))[0][0]
     found = stiffness(STEEL, EVEN.points()).shear
     assert found == pytest.approx(1.2 / (shear * EVEN.thickness), rel=2e-5)
 
 
-def test_its_compliance_is_the_energy_of_its_shear_flow() -> None:
-    """By a plain sum over 4000 strips, the shear flow from what each takes of a unit moment."""
+def test_shear_compliance_is_the_energy_of_the_shear_flow() -> None:
+    """The reference sums over 4000 layers the shear flow of the stress by a unit moment."""
     shell = uneven(0.085, 940.0)
     edges = np.linspace(0.0, shell.thickness, 4001)
     depth, dn = 0.5 * (edges[1:] + edges[:-1]), edges[1]
@@ -171,7 +171,7 @@ def test_its_compliance_is_the_energy_of_its_shear_flow() -> None:
 
 
 @pytest.mark.parametrize("shell", [EVEN, uneven(0.03, 1000.0)], ids=["even", "uneven"])
-def test_between_rolls_that_are_alike_shear_adds_a_parabola(shell: Shell) -> None:
+def test_between_equal_rolls_shear_adds_a_parabola(shell: Shell) -> None:
     p, length, stiff = LONG_SPAN.pressure, LONG_SPAN.length, stiffness(STEEL, shell.points())
     z = length * np.linspace(0.0, 1.0, 33)
     inside = z * (length - z)
@@ -186,25 +186,25 @@ def test_between_rolls_that_are_alike_shear_adds_a_parabola(shell: Shell) -> Non
 
 
 def three_moments(pitches: np.ndarray, p: float, bending: float, shear: float) -> np.ndarray:
-    """Moments over the rolls of an elastic beam that yields to shear, the outer two clamped.
+    """Return the moments over the rolls of an elastic Timoshenko beam with clamped ends.
 
-    The rotation of the section is continuous over a roll, the slope is not: each span's end
-    rotations are those of bending, tilted by what shear takes off its chord.
+    The rotation of the section is continuous over a roll, the slope is not: the rotations at the
+    ends of a span are those of bending, less the rotation of its chord by shear.
     """
     count = len(pitches) + 1
     matrix, right = np.eye(count), np.full(count, -p * pitches[0] ** 2 / 12.0)
     for i in range(1, count - 1):
-        one, other = pitches[i - 1], pitches[i]
+        before, after = pitches[i - 1], pitches[i]
         tilt = 6.0 * bending * shear
-        matrix[i, i - 1] = one - tilt / one
-        matrix[i, i] = 2.0 * (one + other) + tilt / one + tilt / other
-        matrix[i, i + 1] = other - tilt / other
-        right[i] = -0.25 * p * (one**3 + other**3)
+        matrix[i, i - 1] = before - tilt / before
+        matrix[i, i] = 2.0 * (before + after) + tilt / before + tilt / after
+        matrix[i, i + 1] = after - tilt / after
+        right[i] = -0.25 * p * (before**3 + after**3)
     return np.asarray(np.linalg.solve(matrix, right))
 
 
-def test_over_a_lost_roll_the_moments_are_those_of_a_timoshenko_beam() -> None:
-    """Thick for its pitch, so that shear moves the moments, too."""
+def test_strip_at_lost_roll_has_moments_of_timoshenko_beam() -> None:
+    """The shell is so thick for its pitch that shear changes the moments."""
     p, stiff = LONG_SPAN.pressure, stiffness(STEEL, EVEN.points())
     pitches = np.array([0.25] * 4 + [0.5] + [0.25] * 4)
     places = tuple(float(one) for one in np.concatenate([[0.0], np.cumsum(pitches)]))
@@ -233,8 +233,10 @@ def test_over_a_lost_roll_the_moments_are_those_of_a_timoshenko_beam() -> None:
         ("austenite", 500, 0.06, 0.07),
     ],
 )
-def test_it_comes_near_a_continuum(what: str, pitch: int, off: float, without: float) -> None:
-    """Plane, creeping, its rolls moving along it: docs/data/moving_strip.csv."""
+def test_strip_with_shear_is_close_to_a_continuum(
+    what: str, pitch: int, off: float, without: float
+) -> None:
+    """The continuum is plane and creeps under moving rolls: docs/data/moving_strip.csv."""
     with DATA.open(newline="", encoding="utf-8") as file:
         row = next(
             r for r in csv.DictReader(file) if r["what"] == what and int(r["pitch"]) == pitch
@@ -246,5 +248,5 @@ def test_it_comes_near_a_continuum(what: str, pitch: int, off: float, without: f
     span = Span(1e-3 * pitch, 1e6 * float(row["pressure"]), 0.02)
     bulges = [CreepingStrip(law, shear=shear).bulge(span, shell) for shear in (True, False)]
     limit = float(row["limit"])
-    missed = [abs(1e3 * one.largest / limit - 1.0) for one in bulges]
-    assert missed[0] < off and missed[1] > without
+    errors = [abs(1e3 * one.largest / limit - 1.0) for one in bulges]
+    assert errors[0] < off and errors[1] > without

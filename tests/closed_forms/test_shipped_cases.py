@@ -1,6 +1,6 @@
-"""The shipped cases with a closed form: the documented error, and no other.
+"""The shipped cases with a closed form have the documented errors.
 
-Each as it is, but for the longest, of which the first quarter has an error of its own.
+Each runs unchanged except the longest, of which only the first quarter is run.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from castfem.runs.output.summary_file import Summary
 pytestmark = pytest.mark.slow
 
 DATA = Path(__file__).parents[2] / "docs" / "data" / "verification.csv"
-# Of the temperature [mK], and of the stress [% of 20 MPa]: nothing that is documented exceeds them.
+# Bounds of the documented errors of temperature [mK] and stress [% of 20 MPa].
 BOUNDS = {
     "alloy_similarity": (50.0, None),
     "neumann": (150.0, None),
@@ -60,9 +60,9 @@ def test_shipped_file_has_the_documented_error(name: str, tmp_path: Path) -> Non
     found = row_of(name, run(case, tmp_path))
     for key, value in documented(name).items():
         if key != "case":
-            # The figures of the table, to a tenth of what they are.
-            wanted = float(value) if value else None
-            assert found[key] == (None if wanted is None else pytest.approx(wanted, rel=0.1)), key
+            # The values of the table to 10 %.
+            number = float(value) if value else None
+            assert found[key] == (None if number is None else pytest.approx(number, rel=0.1)), key
     kelvin, stress = BOUNDS[name]
     assert found["error_temperature"] < kelvin
     assert stress is None or found["error_stress"] < stress
@@ -72,20 +72,20 @@ def test_shipped_file_has_the_documented_error(name: str, tmp_path: Path) -> Non
         assert not any("contact" in form for form in forms)
 
 
-def test_error_and_closed_form_stand_in_the_summary(tmp_path: Path) -> None:
+def test_error_and_closed_form_are_in_the_summary(tmp_path: Path) -> None:
     case = changed("alloy_similarity", ['casting.length="50 mm"', *QUIET])
     run(case, tmp_path)
     content = json.loads((tmp_path / "summary.json").read_text())
     error = content["quantities"]["error_temperature"]
     assert error["unit"] == "mK" and 0.0 < error["value"] < 600.0
-    told = {r["quantity"]: r for r in content["references"]}
-    assert set(told) == {"shell_mid_face", "liquidus_depth_mid_face", "heat_flux_mid_face"}
-    assert told["heat_flux_mid_face"]["difference"] == pytest.approx(0.0, abs=30.0)
-    assert not any(r["changed"] for r in told.values()), "it follows the case"
+    references = {r["quantity"]: r for r in content["references"]}
+    assert set(references) == {"shell_mid_face", "liquidus_depth_mid_face", "heat_flux_mid_face"}
+    assert references["heat_flux_mid_face"]["difference"] == pytest.approx(0.0, abs=30.0)
+    assert not any(r["changed"] for r in references.values()), "it follows the case"
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "told"),
+    ("name", "change", "message"),
     [
         ("weiner_boley", "coupling.follow_shape=true", "give coupling.follow_shape = false"),
         ("weiner_boley", "coupling.dissipation=1", "give coupling.dissipation = 0"),
@@ -99,14 +99,14 @@ def test_error_and_closed_form_stand_in_the_summary(tmp_path: Path) -> None:
         ("neumann", "verification.closed_form=neuman", "did you mean neumann"),
     ],
 )
-def test_case_of_another_kind_is_refused(name: str, change: str, told: str) -> None:
+def test_case_without_that_closed_form_is_rejected(name: str, change: str, message: str) -> None:
     found = read_case(CASES / f"{name}.toml", [change])
-    assert any(told in problem for problem in found.problems), found.problems
+    assert any(message in problem for problem in found.problems), found.problems
     assert all("verification" in p or "closed_form" in p for p in found.problems)
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "told"),
+    ("name", "change", "message"),
     [
         ("neumann", "steel.name=alloy_similarity", 'it is "alloy_similarity"'),
         ("neumann", 'steel.overrides={conductivity={temperature=["900 degC", "1600 degC"], '
@@ -116,8 +116,8 @@ def test_case_of_another_kind_is_refused(name: str, change: str, told: str) -> N
         ("weiner_boley", 'cooling.0.surface.0.value="900 degC"', "has its own constants"),
     ],
 )  # fmt: skip
-def test_steel_or_temperature_of_another_kind_is_refused(
-    name: str, change: str, told: str, tmp_path: Path
+def test_steel_or_temperature_without_closed_form_is_rejected(
+    name: str, change: str, message: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError, match=re.escape(told)):
+    with pytest.raises(InputError, match=re.escape(message)):
         run(changed(name, [change]), tmp_path)

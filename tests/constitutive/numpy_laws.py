@@ -1,4 +1,4 @@
-"""The flow laws once more, by vectorised numpy: an independent check of the compiled kernel.
+"""Flow laws in vectorised numpy: an independent check of the compiled kernel.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -32,7 +32,7 @@ NEWTON = 60
 
 
 def laws() -> dict[str, RadialReturn]:
-    """The laws measured."""
+    """Return the laws to compare, by name."""
     elasticity = load_elasticity(solidity=Solidity.between(1766.0, 1798.0))
     hoff = load_law("norton_hoff_kozlowski", elasticity)
     assert isinstance(hoff, NortonHoff)
@@ -48,10 +48,10 @@ def laws() -> dict[str, RadialReturn]:
 
 
 def material_points(law: RadialReturn) -> tuple[MaterialStep, Array, Array]:
-    """A step of some points after some history: step, stress, state.
+    """Return a step of strained points, their stress and their state.
 
-    From 900 to 1550 degC, cooling by 2 K; every other point goes on as before, at 2e-4 to 2e-3 1/s,
-    the others are unloaded at half their rate.
+    Temperatures are 900 to 1550 degC and change by 2 K in the step. Every other point is unloaded
+    at half its strain rate; the others are strained further at 2e-4 to 2e-3 1/s.
     """
     rng = np.random.default_rng(5)
     temperature = rng.uniform(1173.0, 1823.0, POINTS)
@@ -63,14 +63,14 @@ def material_points(law: RadialReturn) -> tuple[MaterialStep, Array, Array]:
     stress, state = np.zeros((POINTS, 4)), law.initial_state(POINTS)
     for _ in range(30):
         step = MaterialStep(strain, none, temperature, temperature, DT)
-        found = law.integrate(step, stress, state)
-        stress, state = found.stress, found.state
+        response = law.integrate(step, stress, state)
+        stress, state = response.stress, response.state
     strain[::2] *= -0.5
     return MaterialStep(strain, none, temperature + 2.0, temperature, DT), stress, state
 
 
 def numpy_response(law: RadialReturn, step: MaterialStep, stress: Array, state: Array) -> Response:
-    """Integrate like `Law.integrate`, by array operations; coefficients included in `law`."""
+    """Integrate a step like `Law.integrate`, with array operations."""
     c = law.coefficients(step.temperature_old, step.temperature)
     share, shear2 = c[:, k.SHARE], 2.0 * c[:, k.SHEAR]
     old_mean = stress[:, :3].mean(axis=1)
@@ -108,7 +108,7 @@ def numpy_response(law: RadialReturn, step: MaterialStep, stress: Array, state: 
 
 
 def _flow_stress(kind: int, c: Array, old: Array, trial: Array, z: Array, ln_dt: Array) -> tuple:
-    """Flow stress at dp = exp(z), derivatives by z and by trial."""
+    """Return the flow stress at dp = exp(z) and its derivatives by z and by the trial stress."""
     dp, none = np.exp(z), np.zeros_like(z)
     if kind == k.PLASTIC:
         return c[:, k.YIELD_STRESS], none, none
@@ -138,7 +138,7 @@ def _flow_stress(kind: int, c: Array, old: Array, trial: Array, z: Array, ln_dt:
 def _by_increment(
     kind: int, c: Array, old: Array, new: Array, trial: Array, before: Array, dt: Array
 ) -> tuple[Array, Array]:
-    """Bracketed Newton for ln dp, all points at once until the last has converged."""
+    """Solve for ln dp by a bracketed Newton method for all points at once."""
     shear3, ln_dt = 3.0 * c[:, k.SHEAR], np.log(dt)
     p = old[:, 0]
     tiny = np.full_like(trial, -300.0)
@@ -164,8 +164,8 @@ def _by_increment(
     return trial - shear3 * dp, np.where(flows, kept, 1.0)
 
 
-def _remembered(a: Array, ln_old: Array, m: Array, stiff: Array, total: Array) -> tuple:
-    """Rate r with a (r/old)^m + stiff r = total, as ln r, and d ln r / d total."""
+def _remembered_rate(a: Array, ln_old: Array, m: Array, stiff: Array, total: Array) -> tuple:
+    """Return ln r of the rate r with a (r/old)^m + stiff r = total, and d ln r / d total."""
     goal = np.log(np.maximum(total, 1e-250))
     y = goal - np.log(stiff)
     ln_a = np.log(np.maximum(a, 1e-250))
@@ -184,7 +184,7 @@ def _remembered(a: Array, ln_old: Array, m: Array, stiff: Array, total: Array) -
 def _automatic(
     kind: int, c: Array, old: Array, new: Array, trial: Array, before: Array, dt: Array
 ) -> tuple[Array, Array]:
-    """The law (163) with its automatic yield limit."""
+    """Solve the law (163) with its automatic yield limit."""
     shear3, young, m = 3.0 * c[:, k.SHEAR], c[:, k.YOUNG], c[:, k.RATE_EXPONENT]
     drive, p, stiff = trial - before, old[:, 0], young * dt
 
@@ -200,7 +200,7 @@ def _automatic(
 
     def curve(dp: Array, drive: Array) -> tuple[Array, Array, Array, Array]:
         gain = np.maximum(drive - (shear3 - young) * dp, 0.0)
-        y, by_total = _remembered(before, ln_old, m, stiff, before + gain)
+        y, by_total = _remembered_rate(before, ln_old, m, stiff, before + gain)
         ln_factor, by_e = factor(p + dp + (trial - shear3 * dp) / young)
         s = np.exp(c[:, k.LN_LEVEL] + ln_factor + m * (y + k.LN_SQRT3))
         by_rate = np.where(gain > 0.0, m * by_total, 0.0)

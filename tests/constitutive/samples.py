@@ -1,4 +1,4 @@
-"""Laws, random states and small helpers shared by the tests of the laws.
+"""Laws, random states and helpers shared by the tests of the laws.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -34,20 +34,20 @@ STRENGTH = celsius([800, 1000, 1200, 1400], [108e6, 55e6, 30e6, 17e6], logarithm
 
 
 def steel_like(ratio: float = 1e-6) -> Elasticity:
-    """Elasticity from cold solid to liquid."""
+    """Return the elasticity of steel from cold solid to liquid."""
     return load_elasticity(solidity=Solidity.between(SOLIDUS, LIQUIDUS, stiffness_ratio=ratio))
 
 
 def hoff(
     elasticity: Elasticity, p1: float, p3: float, p4: float, limit: float | None = None
 ) -> NortonHoff:
-    """Law (163) with a strength over temperature and constant exponents."""
-    given = None if limit is None else Constant(limit)
-    return NortonHoff(elasticity, STRENGTH, Constant(p1), Constant(p3), Constant(p4), given)
+    """Return law (163) with a strength over temperature and constant exponents."""
+    yield_limit = None if limit is None else Constant(limit)
+    return NortonHoff(elasticity, STRENGTH, Constant(p1), Constant(p3), Constant(p4), yield_limit)
 
 
 def every_law() -> dict[str, RadialReturn]:
-    """All laws, the demanding parameters among them, on `steel_like` elasticity."""
+    """Return all laws, some with extreme parameters, with `steel_like` elasticity."""
     el = steel_like()
     return {
         "elastic": ThermoElastic(el),
@@ -64,7 +64,7 @@ def every_law() -> dict[str, RadialReturn]:
         "hoff softening": hoff(el, 50.0, 0.15, -0.01),
         "viscous": hoff(el, -10.0, 0.15, 0.1, 0.0),
         "viscous p3=0.02 softening": hoff(el, 30.0, 0.02, 0.6, 0.0),
-        "yield given": hoff(el, 3.0, 0.15, 0.2, 10e6),
+        "yield limit": hoff(el, 3.0, 0.15, 0.2, 10e6),
         "steel": load_law("kozlowski_zhu", el, carbon=0.08),
         "steel mixed": load_law("kozlowski_zhu_mixed", el, carbon=0.12),
         **hardening_laws(el),
@@ -72,13 +72,13 @@ def every_law() -> dict[str, RadialReturn]:
 
 
 def hardening_laws(el: Elasticity) -> dict[str, RadialReturn]:
-    """The laws whose hardening is signed, or fades, or both."""
+    """Return laws with signed hardening, with recovery, or with both."""
     steel = load_law("kozlowski_zhu", el, carbon=0.08)
     blend = replace(steel, blend=0.2)
     fitted = load_law("norton_hoff_kozlowski", el)
     steep = hoff(el, 8.0, 0.02, 0.6)
     viscous = hoff(el, -10.0, 0.15, 0.1, 0.0)
-    given = hoff(el, 3.0, 0.15, 0.2, 10e6)
+    limited = hoff(el, 3.0, 0.15, 0.2, 10e6)
     return {
         "steel signed": replace(steel, hardening="signed"),
         "steel recovering": replace(steel, recovery_time=FADING),
@@ -89,24 +89,24 @@ def hardening_laws(el: Elasticity) -> dict[str, RadialReturn]:
             steep, hardening="signed", recovery_time=FADING
         ),
         "viscous signed recovering": replace(viscous, hardening="signed", recovery_time=FADING),
-        "yield given signed": replace(given, hardening="signed"),
+        "yield limit signed": replace(limited, hardening="signed"),
     }
 
 
 def tensor(state: Array) -> Array:
-    """Mandel tensors (n, 4) of the states of a signed law."""
+    """Return the strain tensors of states of a signed law as Mandel vectors (n, 4)."""
     xx, yy, xy = state[:, :3].T
     return np.column_stack([xx, yy, -(xx + yy), xy])
 
 
 def deviator(stress: Array) -> Array:
-    """Of Mandel vectors (n, 4)."""
+    """Return the deviators of Mandel vectors (n, 4)."""
     return stress - stress[:, :3].mean(axis=1)[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True)
 class States:
-    """Random starts of steps for n points in groups that share a time step."""
+    """Random initial values of a step for n points in groups that share a time step."""
 
     temperature_old: Array
     temperature: Array
@@ -118,20 +118,20 @@ class States:
     group: npt.NDArray[np.intp]
 
     def parts(self) -> list[tuple[MaterialStep, Array, Array]]:
-        """One step, stress and state for each group."""
-        found = []
+        """Return the step, stress and state of each group."""
+        groups = []
         for g in np.unique(self.group):
             i = self.group == g
             step = MaterialStep(
                 self.strain[i], self.thermal[i], self.temperature_old[i], self.temperature[i],
                 float(self.dt[i][0]),
             )  # fmt: skip
-            found.append((step, self.stress[i], self.state[i]))
-        return found
+            groups.append((step, self.stress[i], self.state[i]))
+        return groups
 
 
 def random_states(law: RadialReturn, n: int, groups: int, seed: int) -> States:
-    """States over 20-1600 degC, 1e-8-1e2 1/s, strains 0-1, steps 1e-6-1e3 s, stresses to 10 GPa."""
+    """Return states: 20-1600 degC, 1e-8-1e2 1/s, strains 0-1, steps 1e-6-1e3 s, up to 10 GPa."""
     rng = np.random.default_rng(seed)
     old = rng.uniform(293.0, 1873.0, n)
     new = np.where(rng.random(n) < 0.5, old, rng.uniform(293.0, 1873.0, n))
@@ -153,15 +153,15 @@ def random_states(law: RadialReturn, n: int, groups: int, seed: int) -> States:
         rate = np.where(rng.random(n) < 0.2, 0.0, 10.0 ** rng.uniform(-10.0, 3.0, n))
         state[:, law.state_names.index(RATE)] = rate
     if law.state_names[:3] == TENSOR:
-        # A third along the stress, a third back, a third anywhere.
-        anywhere = _directions(rng, n)
-        anywhere[:, :3] -= anywhere[:, :3].mean(axis=1)[:, None]
+        # One third along the stress, one third against it, one third in a random direction.
+        random = _directions(rng, n)
+        random[:, :3] -= random[:, :3].mean(axis=1)[:, None]
         along = deviator(stress)
         length = np.linalg.norm(along, axis=1)[:, None]
         with np.errstate(invalid="ignore"):
-            aligned = np.where(length > 0.0, along / length, anywhere)
+            aligned = np.where(length > 0.0, along / length, random)
         kind = rng.integers(0, 3, n)[:, None]
-        way = np.where(kind == 0, aligned, np.where(kind == 1, -aligned, anywhere))
+        way = np.where(kind == 0, aligned, np.where(kind == 1, -aligned, random))
         state[:, :3] = state[:, :1] * way[:, (0, 1, 3)]
     thermal = np.where(new < SOLIDUS, rng.uniform(-1e-2, 1e-2, n), 0.0)
     return States(old, new, strain, thermal, stress, state, dt, group)
@@ -176,7 +176,7 @@ def one(
     law: RadialReturn, strain: list[float], dt: float = 1.0, temperature: float = 1273.15,
     stress: Array | None = None, state: Array | None = None,
 ) -> Response:  # fmt: skip
-    """Response of a single point at constant temperature."""
+    """Return the response of a single point at constant temperature."""
     t = np.full(1, temperature)
     step = MaterialStep(np.array([strain]), np.zeros(1), t, t, dt)
     return law.integrate(
@@ -189,7 +189,7 @@ def one(
 def norton_relaxation(
     time: npt.ArrayLike, stress: float, young: float, factor: float, exponent: float
 ) -> Array:
-    """Stress of a bar held at its length under Norton creep, Pa; `factor` is the rate at 1 Pa."""
+    """Return the stress of a bar of fixed length in Norton creep, Pa; `factor`: rate at 1 Pa."""
     m = exponent - 1.0
     loss = m * young * factor * stress**m * np.asarray(time, float)
     return np.asarray(stress * (1.0 + loss) ** (-1.0 / m))

@@ -1,4 +1,4 @@
-"""Each law against its closed form.
+"""Constitutive laws compared with closed forms.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -42,8 +42,8 @@ MPA = 1e6
 def norton_hoff(
     p1: float, p3: float, p4: float, limit: float | None = None, strength: float = 31.76e6
 ) -> NortonHoff:
-    given = None if limit is None else Constant(limit)
-    return NortonHoff(EL, Constant(strength), Constant(p1), Constant(p3), Constant(p4), given)
+    set_limit = None if limit is None else Constant(limit)
+    return NortonHoff(EL, Constant(strength), Constant(p1), Constant(p3), Constant(p4), set_limit)
 
 
 def test_perfect_plasticity_in_tension_and_back() -> None:
@@ -58,7 +58,7 @@ def test_perfect_plasticity_in_tension_and_back() -> None:
         ]
     )
     np.testing.assert_allclose(found.axial_stress[:, 0], expected, rtol=1e-9, atol=1.0)
-    # Work put in = elastic energy + what was dissipated, and the dissipation is yield times flow.
+    # The dissipated work is the yield stress times the plastic strain.
     slip = 5e-3 - 1e-3 + (5e-3 - 2e-3 - 2e-3)
     assert found.state[-1, 0, 0] == pytest.approx(slip, rel=1e-9)
     assert found.work[-1, 0] == pytest.approx(20e6 * slip, rel=1e-9)
@@ -71,7 +71,7 @@ def test_yield_in_shear_is_von_mises() -> None:
 
 
 def test_norton_relaxation() -> None:
-    """First order in the step; extrapolated, the numbers of the closed form to 1e-4."""
+    """The error is of first order in the step; extrapolated it is below 1e-4."""
     law = NortonCreep.constant(EL, 1e-9, 1e6, 5.0)
     goals = np.array([10.006182, 5.909888, 3.341641, 1.880185]) * MPA
     exact = norton_relaxation([1.0, 10.0, 100.0, 1000.0], 15e6, E, 1e-9 / MPA**5, 5.0)
@@ -112,14 +112,14 @@ def test_norton_is_the_viscous_law_without_hardening() -> None:
 # -- the curve (163) and its yield limit -------------------------------------------------------
 
 
-def test_norton_hoff_numbers() -> None:
+def test_norton_hoff_has_its_values() -> None:
     """(162) with K = 40 MPa, m = 0.15."""
     found = modified_norton_hoff(0.37, [1e-4, 1e-3, 1e-2], 40.0, 0.0, 0.15, 0.0)
     np.testing.assert_allclose(found, [18.89752, 26.69345, 37.7055], rtol=3e-7)
 
 
-def test_yield_limit_numbers() -> None:
-    """Intersections (209) of p1 = 0, closed; E = 20 GPa, K0 p2 = 31.76 MPa, p3 = 0.13, p4 = 0.2."""
+def test_yield_limit_has_its_values() -> None:
+    """(209) in closed form for p1 = 0; E = 20 GPa, K0 p2 = 31.76 MPa, p3 = 0.13, p4 = 0.2."""
     for rate, strain, stress in ((1e-4, 1.541807e-4, 3.08361e6), (1e-3, 2.241455e-4, 4.48291e6)):
         found = yield_limit(E, rate, 31.76e6, 0.0, 0.13, 0.2)
         assert found[0] == pytest.approx(strain, rel=4e-7)
@@ -138,7 +138,7 @@ def test_yield_limit_is_the_intersection(rate: float) -> None:
         assert above.all(), (p1, p4)
 
 
-def test_yield_limit_refuses_what_never_yields() -> None:
+def test_parameters_that_never_yield_are_rejected() -> None:
     with pytest.raises(ValueError, match="below 1"):
         yield_limit(E, 1e-3, 31.76e6, 0.0, 0.13, 1.0)
     with pytest.raises(ValueError, match="never meets"):
@@ -147,7 +147,7 @@ def test_yield_limit_refuses_what_never_yields() -> None:
 
 @pytest.mark.parametrize("rate", [1e-4, 1e-3, 1e-1])
 @pytest.mark.parametrize("steps", [7, 100])
-def test_elastic_up_to_the_limit_and_on_the_curve_beyond(rate: float, steps: int) -> None:
+def test_elastic_below_the_limit_and_on_the_curve_above(rate: float, steps: int) -> None:
     law = norton_hoff(0.0, 0.13, 0.2)
     strain = np.linspace(0.0, 4e-3, steps + 1)
     found = pull(law, strain / rate, strain, T)
@@ -156,11 +156,11 @@ def test_elastic_up_to_the_limit_and_on_the_curve_beyond(rate: float, steps: int
     expected = np.where(strain < onset, E * strain, curve)
     np.testing.assert_allclose(found.axial_stress[:, 0], expected, rtol=1e-10)
     np.testing.assert_array_equal(found.flows[:, 0], expected > limit * (1.0 + 1e-12))
-    np.testing.assert_allclose(found.state[1:, 0, 1], rate, rtol=1e-9)  # what it remembers
+    np.testing.assert_allclose(found.state[1:, 0, 1], rate, rtol=1e-9)  # remembered rate
 
 
 def test_relaxation_from_the_curve_is_that_of_the_viscous_law() -> None:
-    """p1 = p4 = 0: Norton's closed form, with the stress of the rate it was pulled at."""
+    """For p1 = p4 = 0: Norton's closed form, from the stress at the rate of loading."""
     m, rate = 0.2, 1e-3
     law = norton_hoff(0.0, m, 0.0)
     start = float(modified_norton_hoff(1.0, rate, 31.76e6, 0.0, m, 0.0))
@@ -176,7 +176,7 @@ def test_relaxation_from_the_curve_is_that_of_the_viscous_law() -> None:
     assert errors[1] < 4e-3 and errors[0] / errors[1] == pytest.approx(2.0, rel=0.1)
 
 
-def test_creep_from_the_curve_goes_on_at_its_rate() -> None:
+def test_creep_from_the_curve_continues_at_its_rate() -> None:
     law, rate = norton_hoff(0.0, 0.13, 0.0), 1e-3
     stress = float(modified_norton_hoff(1.0, rate, 31.76e6, 0.0, 0.13, 0.0))
     time = np.concatenate([np.linspace(0.0, 2.0, 21), np.linspace(2.0, 4.0, 21)[1:]])
@@ -188,10 +188,10 @@ def test_creep_from_the_curve_goes_on_at_its_rate() -> None:
     np.testing.assert_allclose(np.diff(late) / np.diff(time[21:]), rate, rtol=1e-6)
 
 
-def test_creep_below_the_curve_begins_after_the_memory_has_faded() -> None:
-    """A sudden small load: elastic until the remembered rate has fallen to that of Norton's law.
+def test_creep_below_the_curve_begins_after_a_delay() -> None:
+    """After a sudden small load: elastic until the remembered rate is that of Norton's law.
 
-    The delay is p3 q / (E r), so that a strain of p3 q / E is all that is lost for good.
+    The delay is p3 q / (E r), so the creep strain lacks p3 q / E from then on.
     """
     m, stress = 0.13, 8e6
     law = norton_hoff(0.0, m, 0.0)
@@ -204,8 +204,8 @@ def test_creep_below_the_curve_begins_after_the_memory_has_faded() -> None:
     assert creep[-1] == pytest.approx(rate * 9.0 * delay, rel=5e-3)
 
 
-def test_given_yield_limit() -> None:
-    """Elastic below it, at low rates held at it, at high rates the viscous curve above it."""
+def test_imposed_yield_limit_is_kept() -> None:
+    """Elastic below the limit; beyond it the limit at low rates, the viscous curve at high ones."""
     law = norton_hoff(0.0, 0.13, 0.0, limit=6e6)
     slow, fast = 1e-10, 1e-1
     for rate, expected in ((slow, 6e6), (fast, None)):
@@ -218,8 +218,8 @@ def test_given_yield_limit() -> None:
         assert stress[-1] == pytest.approx(end, rel=1e-5)
 
 
-def test_the_viscous_law_approaches_the_curve_from_below() -> None:
-    """Unlike the automatic limit: a round knee, and p3 H/E below the curve after it."""
+def test_viscous_law_approaches_the_curve_from_below() -> None:
+    """Unlike with the automatic limit: a rounded knee, then a stress p3 H/E below the curve."""
     law = norton_hoff(0.0, 0.13, 0.2, limit=0.0)
     strain = np.linspace(0.0, 0.01, 2001)
     found = pull(law, 1e3 * strain, strain, T).axial_stress[1:, 0]
@@ -240,7 +240,7 @@ CRITERION = [
 
 @pytest.mark.parametrize("law", CRITERION, ids=["hoff", "hoff hardening", "plastic"])
 def test_criterion_without_thermal_strain(law: NortonHoff | PerfectlyPlastic) -> None:
-    """Thesis 2.5.1: compressed, then released; and loaded again."""
+    """Thesis 2.5.1: compressed, partly unloaded, loaded again."""
     turns = [0.0, -2e-3, -1.9e-3, -3e-3]
     strain = np.concatenate([np.linspace(a, b, 41)[1:] for a, b in pairwise(turns)])
     time = (
@@ -253,7 +253,7 @@ def test_criterion_without_thermal_strain(law: NortonHoff | PerfectlyPlastic) ->
 
 @pytest.mark.parametrize("law", CRITERION, ids=["hoff", "hoff hardening", "plastic"])
 def test_criterion_with_thermal_strain(law: NortonHoff | PerfectlyPlastic) -> None:
-    """Thesis 2.5.2: a bar held at its length, heated (compressed, loading), then cooled."""
+    """Thesis 2.5.2: a bar of fixed length is heated (compressive loading), then cooled."""
     thermal = np.concatenate([np.linspace(0.0, 2e-3, 41), np.linspace(2e-3, 1.9e-3, 21)[1:]])
     time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(thermal)))]) * 1e3
     found = pull(law, time, np.zeros(61), T, thermal_strain=thermal)
@@ -263,7 +263,7 @@ def test_criterion_with_thermal_strain(law: NortonHoff | PerfectlyPlastic) -> No
 
 
 def _check_criterion(stress: np.ndarray, strain: np.ndarray, flows: np.ndarray) -> None:
-    """No flow in a step with stress . mechanical strain increment < 0 (214)."""
+    """Check that nothing flows in a step with stress . mechanical strain increment < 0 (214)."""
     work = stress[:-1] * np.diff(strain)
     unloading = work < 0.0
     assert unloading.any() and not flows[1:][unloading].any()
@@ -283,7 +283,7 @@ KOZLOWSKI = {  # 0.27 %C, MPa: rows degC, columns rates 1e-4, 1e-3, 1e-2 at stra
 
 
 @pytest.mark.parametrize("celsius", KOZLOWSKI)
-def test_kozlowski_numbers(celsius: int) -> None:
+def test_kozlowski_has_its_values(celsius: int) -> None:
     rate, strain = np.meshgrid([1e-4, 1e-3, 1e-2], [0.002, 0.01, 0.05], indexing="ij")
     found = Austenite.at(celsius + ZERO, 0.27).stress(strain, rate).ravel() / MPA
     np.testing.assert_allclose(found, KOZLOWSKI[celsius], atol=0.006)
@@ -293,14 +293,14 @@ def test_kozlowski_numbers(celsius: int) -> None:
     ("celsius", "expected"),
     [(1400, (0.616, 0.996, 1.611)), (1450, (0.486, 0.801, 1.319)), (1500, (0.385, 0.647, 1.086))],
 )
-def test_delta_ferrite_numbers(celsius: int, expected: tuple[float, ...]) -> None:
+def test_delta_ferrite_has_its_values(celsius: int, expected: tuple[float, ...]) -> None:
     found = DeltaFerrite.at(celsius + ZERO, 0.05).stress(0.05, np.array([1e-4, 1e-3, 1e-2])) / MPA
     np.testing.assert_allclose(found, expected, atol=6e-4)
 
 
 @pytest.mark.parametrize(("celsius", "carbon"), [(1000, 0.27), (1300, 0.27), (1450, 0.05)])
 def test_unified_law_is_on_its_curve(celsius: int, carbon: float) -> None:
-    """In every step the stress is the formula of the strain and the rate of that step."""
+    """In every step the stress is the formula at the strain and the rate of that step."""
     law = load_law("kozlowski_zhu", EL, carbon=carbon)
     formula = (Austenite if carbon > 0.1 else DeltaFerrite).at(celsius + ZERO, carbon)
     time = np.linspace(0.0, 60.0, 301)
@@ -312,7 +312,7 @@ def test_unified_law_is_on_its_curve(celsius: int, carbon: float) -> None:
     assert rate[late] == pytest.approx(1e-3, rel=0.03)
 
 
-def test_delta_ferrite_above_a_tenth() -> None:
+def test_delta_ferrite_law_holds_above_a_share_of_a_tenth() -> None:
     def share(t: np.ndarray) -> np.ndarray:
         return np.clip((t - 1600.0) / 100.0, 0.0, 1.0)
 
@@ -340,7 +340,7 @@ def test_mixed_steel_carries_the_weighted_stress() -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.04, 0.3, 0.8, 1.0])
 def test_shipped_mixture_weights_the_stresses_by_the_fractions(share: float) -> None:
-    """Beside it the set that switches has one of the two stresses, whatever the share."""
+    """The parameter set that switches gives one of the two stresses at every share."""
     celsius, carbon, rate = 1480.0, 0.12, 1e-3
     gamma, delta = (f.at(celsius + ZERO, carbon) for f in (Austenite, DeltaFerrite))
     time = np.linspace(0.0, 30.0, 151)
@@ -357,7 +357,7 @@ def test_shipped_mixture_weights_the_stresses_by_the_fractions(share: float) -> 
     np.testing.assert_allclose(stress, parts[share > 0.1], rtol=1e-9)
 
 
-def test_mixture_goes_by_the_fractions_of_the_steel() -> None:
+def test_weights_of_the_mixture_are_the_phase_fractions() -> None:
     steel = load_steel("plain_carbon", composition={"C": 0.12})
     share = DeltaShare(steel.diagram)
     law = load_law("kozlowski_zhu_mixed", EL, carbon=0.12, delta_share=share)
@@ -368,8 +368,7 @@ def test_mixture_goes_by_the_fractions_of_the_steel() -> None:
 
 
 @pytest.mark.parametrize("kind", ["plastic", "creep", "hoff", "viscous"])
-def test_laws_do_not_care_for_units(kind: str) -> None:
-    """Stress in MPa and time in minutes give the same numbers."""
+def test_laws_are_independent_of_units(kind: str) -> None:
     mega, minute = 1e6, 60.0
 
     def law(stress: float, time: float) -> PerfectlyPlastic | NortonCreep | NortonHoff:
@@ -390,11 +389,12 @@ def test_laws_do_not_care_for_units(kind: str) -> None:
     stress = rng.normal(size=(40, 4)) * 3e6
     a, b = law(1.0, 1.0), law(mega, minute)
     state = np.abs(rng.normal(size=a.initial_state(40).shape)) * 1e-3
-    other = state.copy()
+    state_in_minutes = state.copy()
     if kind == "hoff":
-        other[:, 1] *= minute
+        state_in_minutes[:, 1] *= minute
     found = a.integrate(MaterialStep(strain, none, heat, heat, 3.0), stress, state)
-    again = b.integrate(MaterialStep(strain, none, heat, heat, 3.0 / minute), stress / mega, other)
+    step = MaterialStep(strain, none, heat, heat, 3.0 / minute)
+    again = b.integrate(step, stress / mega, state_in_minutes)
     np.testing.assert_allclose(again.stress * mega, found.stress, rtol=1e-9, atol=1e-3)
     np.testing.assert_allclose(again.tangent * mega, found.tangent, rtol=1e-6, atol=1e-9 * E)
     np.testing.assert_allclose(again.dissipation * mega, found.dissipation, rtol=1e-8, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Hooke's law over temperature, and what freezing and melting do to it.
+"""Hooke's law over temperature, and the elastic stress in solidification and melting.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -35,7 +35,7 @@ def step_of(
 
 
 def hooke(strain: list[float], young: float = E, poisson: float = NU) -> Array:
-    """Thesis (56)."""
+    """Return the stress of Hooke's law, thesis (56)."""
     e = np.array(strain)
     trace = np.array([1.0, 1.0, 1.0, 0.0]) * e[:3].sum()
     factor = young / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
@@ -49,7 +49,7 @@ def integrated(law: ThermoElastic, steps: list[MaterialStep]) -> Array:
     return stress[0]
 
 
-def test_hooke_and_its_tangent() -> None:
+def test_stress_and_tangent_are_those_of_hooke() -> None:
     law = ThermoElastic(Elasticity.constant(E, NU))
     strain = [1e-3, -2e-4, 4e-4, np.sqrt(2.0) * 3e-4]
     found = one(law, strain)
@@ -66,7 +66,7 @@ def test_free_expansion_makes_no_stress() -> None:
 
 
 def test_stress_follows_the_moduli_of_the_temperature() -> None:
-    """(94): whatever the path, the stress is Hooke's of the strain with the moduli of the end."""
+    """(94): for any path, the stress is that of Hooke's law with the final moduli."""
     elasticity = Elasticity(
         celsius([20, 800, 1200, 1400], [200e9, 60e9, 15e9, 5e9]), celsius([20, 1400], [0.28, 0.4])
     )
@@ -83,7 +83,7 @@ def test_stress_follows_the_moduli_of_the_temperature() -> None:
     np.testing.assert_allclose(found, hooke(list(strain), young, poisson), rtol=1e-11)
 
 
-def test_a_cliff_in_the_modulus_is_no_trouble() -> None:
+def test_steep_change_of_the_modulus_is_followed() -> None:
     elasticity = Elasticity(Table("temperature", (1000.0, 1000.1), (100e9, 1e6)), Constant(0.3))
     law = ThermoElastic(elasticity)
     strain = [1e-3, 0.0, 0.0, 0.0]
@@ -93,14 +93,14 @@ def test_a_cliff_in_the_modulus_is_no_trouble() -> None:
     np.testing.assert_allclose(integrated(law, back), hooke(strain, 100e9), rtol=1e-12)
 
 
-def test_freezing_keeps_the_stress_of_the_liquid_not_its_elastic_strain() -> None:
+def test_solidifying_point_keeps_stress_not_elastic_strain() -> None:
     ratio = 1e-6
     law = ThermoElastic(steel_like(ratio))
     liquid, solid = LIQUIDUS + 20.0, SOLIDUS - 20.0
-    squeezed = [step_of([-0.5, 0.2, 0.1, 0.3], liquid, liquid)]
-    before = integrated(law, squeezed)
+    compressed = [step_of([-0.5, 0.2, 0.1, 0.3], liquid, liquid)]
+    before = integrated(law, compressed)
     assert 0.0 < np.abs(before).max() < 5e4
-    after = integrated(law, [*squeezed, step_of([0.0] * 4, liquid, solid)])
+    after = integrated(law, [*compressed, step_of([0.0] * 4, liquid, solid)])
     np.testing.assert_allclose(after, before, rtol=1e-12)
     through_mushy_zone = [
         step_of([0.0] * 4, liquid, SOLIDUS + 30.0),
@@ -108,11 +108,11 @@ def test_freezing_keeps_the_stress_of_the_liquid_not_its_elastic_strain() -> Non
         step_of([0.0] * 4, SOLIDUS + 1.0, solid),
     ]
     np.testing.assert_allclose(
-        integrated(law, [*squeezed, *through_mushy_zone]), before, rtol=1e-12
+        integrated(law, [*compressed, *through_mushy_zone]), before, rtol=1e-12
     )
 
 
-def test_melting_lets_go() -> None:
+def test_melting_releases_the_stress() -> None:
     law = ThermoElastic(steel_like(1e-6))
     pulled = [step_of([1e-3, 0.0, 0.0, 0.0], SOLIDUS - 50.0, SOLIDUS - 50.0)]
     before = np.abs(integrated(law, pulled)).max()
@@ -123,15 +123,15 @@ def test_melting_lets_go() -> None:
     np.testing.assert_allclose(integrated(law, both), integrated(law, melted), rtol=1e-9, atol=1e-9)
 
 
-def test_a_point_that_freezes_within_a_step_strains_from_then_on() -> None:
-    """One step over the solidus is the same as two that meet at it, but for the stiffness there."""
+def test_strain_counts_from_the_solidus_within_a_step() -> None:
+    """A step across the solidus gives the stress of two steps that are split at the solidus."""
     elasticity = Elasticity.constant(
         E, NU, Solidity.between(SOLIDUS, LIQUIDUS, stiffness_ratio=1e-9)
     )
     law = ThermoElastic(elasticity)
     old, new, part = SOLIDUS + 60.0, SOLIDUS - 20.0, 0.25
     strain = np.array([1e-3, -4e-4, 2e-4, 5e-4])
-    whole = integrated(law, [step_of(list(strain), old, new, thermal=-2e-4)])
+    single_step = integrated(law, [step_of(list(strain), old, new, thermal=-2e-4)])
     split = integrated(
         law,
         [
@@ -139,12 +139,12 @@ def test_a_point_that_freezes_within_a_step_strains_from_then_on() -> None:
             step_of(list(part * strain), SOLIDUS, new, thermal=-2e-4),
         ],
     )
-    np.testing.assert_allclose(whole, split, rtol=1e-6)
+    np.testing.assert_allclose(single_step, split, rtol=1e-6)
     solid = hooke(list(part * strain + np.array([2e-4, 2e-4, 2e-4, 0.0])))
-    np.testing.assert_allclose(whole, solid, rtol=1e-6)
+    np.testing.assert_allclose(single_step, solid, rtol=1e-6)
 
 
-def test_freezing_can_count_the_whole_step() -> None:
+def test_strain_of_the_complete_step_can_count() -> None:
     solidity = Solidity.between(SOLIDUS, LIQUIDUS, from_freezing=False)
     law = ThermoElastic(Elasticity.constant(E, NU, solidity))
     strain = [1e-3, -4e-4, 2e-4, 5e-4]
@@ -164,7 +164,7 @@ def test_stiffness_of_mushy_zone_and_liquid(mushy_zone: Any, middle: float) -> N
     np.testing.assert_allclose(bulk, young / (3.0 - 6.0 * poisson), rtol=1e-9)
 
 
-def test_a_steel_says_where_it_is_solid() -> None:
+def test_solidity_of_a_steel_follows_its_solidus_and_liquidus() -> None:
     straight = {"diagram": "pascon"}  # the last liquid of 0.1 % C freezes at its peritectic
     steel = load_steel("plain_carbon", composition={"C": 0.1}, overrides=straight)
     elasticity = Elasticity(steel.youngs_modulus, steel.poisson_ratio, Solidity.of(steel))
@@ -175,7 +175,7 @@ def test_a_steel_says_where_it_is_solid() -> None:
     assert young[3] == pytest.approx(1e-5 * young[1], rel=1e-9)
 
 
-def test_coherency_keeps_the_mushy_zone_soft() -> None:
+def test_mushy_zone_is_soft_below_coherency() -> None:
     solidity = Solidity.between(1700.0, 1800.0, stiffness_ratio=1e-4, coherency=0.6)
     young = Elasticity.constant(E, NU, solidity).moduli(np.array([1745.0, 1720.0, 1700.0]))[2]
     np.testing.assert_allclose(young / E, [1e-4, 1e-2, 1.0], rtol=1e-9)
@@ -189,19 +189,19 @@ def test_coherency_keeps_the_mushy_zone_soft() -> None:
         ({"mushy_zone": "cubic"}, "mushy_zone"),
     ],
 )
-def test_solidity_refuses(options: dict[str, Any], text: str) -> None:
+def test_invalid_solidity_is_rejected(options: dict[str, Any], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         Solidity(**options)
 
 
-def test_moduli_must_be_moduli() -> None:
+def test_invalid_moduli_are_rejected() -> None:
     for young, poisson in ((-1.0, 0.3), (0.0, 0.3), (np.nan, 0.3), (1e9, -1.0)):
         with pytest.raises(ValueError, match="must be positive"):
             Elasticity.constant(young, poisson).moduli(np.array([300.0]))
 
 
 def test_shipped_elasticity() -> None:
-    """The regression of Kozlowski for hot steel, its floor, and a finite cold end."""
+    """Kozlowski's regression for hot steel, the lower bound, and finite values when cold."""
     t = np.array([20.0, 900.0, 1000.0, 1100.0, 1200.0, 1300.0, 1400.0, 1450.0, 1600.0])
     young = load_elasticity().moduli(t + ZERO)[2] / 1e9
     expected = [207.0, 32.378, 20.0, 14.542, 12.896, 11.954, 8.608, 5.062, 1.0]
@@ -217,7 +217,7 @@ def skeleton(**options: Any) -> Solidity:
     return Solidity.between(1700.0, 1800.0, mushy_zone="skeleton", coherency=0.75, **options)
 
 
-def test_a_skeleton_is_in_proportion_to_the_solid_above_coherency() -> None:
+def test_skeleton_weight_is_linear_in_solid_above_coherency() -> None:
     solidity = skeleton(stiffness_ratio=1e-5)
     t = np.array([1600.0, 1700.0, 1712.5, 1724.0, 1726.0, 1900.0])
     weight = [1.0, 1.0, 0.5, 0.04, 0.0, 0.0]
@@ -228,7 +228,7 @@ def test_a_skeleton_is_in_proportion_to_the_solid_above_coherency() -> None:
     assert solidity.coherent == pytest.approx(1725.0, abs=1e-6)
 
 
-def test_a_steel_that_freezes_at_once_has_no_skeleton() -> None:
+def test_steel_that_freezes_isothermally_has_no_skeleton() -> None:
     sharp = Solidity(1700.0, lambda t: np.where(t < 1700.0, 1.0, 0.0), mushy_zone="skeleton")
     assert sharp.coherent == pytest.approx(1700.0, abs=1e-9)
     assert Solidity().coherent == np.inf

@@ -1,4 +1,4 @@
-"""Hardening by the signed strain, and recovery: against differential equations solved apart.
+"""Signed hardening and recovery, compared with separately solved differential equations.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -43,20 +43,20 @@ PLAIN: Options = {}
 
 
 def austenite(options: Options = SIGNED) -> UnifiedSteel:
-    """Kozlowski III without delta ferrite."""
+    """Return the law Kozlowski III without delta ferrite."""
     return UnifiedSteel(EL, 0.1, np.zeros_like, **options)
 
 
 def hoff(options: Options, limit: float | None = 0.0) -> NortonHoff:
-    """The law (163), viscous by default."""
+    """Return the law (163), viscous by default."""
     parameters = (Constant(v) for v in (40e6, 0.0, 0.14, 0.16))
-    given = None if limit is None else Constant(limit)
-    return NortonHoff(EL, *parameters, given, **options)
+    yield_limit = None if limit is None else Constant(limit)
+    return NortonHoff(EL, *parameters, yield_limit, **options)
 
 
 @ALL
-def test_what_stress_loses_is_what_strain_gains(law: RadialReturn) -> None:
-    """Hooke's law with the new elastic strain, and dE/dt = flow - E/tau at the end of the step."""
+def test_stress_lost_matches_flow(law: RadialReturn) -> None:
+    """Hooke's law holds for the new elastic strain; dE/dt = flow - E/tau holds at step end."""
     elastic = ThermoElastic(law.elasticity)
     for step, stress, state in random_states(law, 5_000, 25, seed=2).parts():
         found = law.integrate(step, stress, state)
@@ -83,7 +83,7 @@ def test_what_stress_loses_is_what_strain_gains(law: RadialReturn) -> None:
 
 
 def kozlowski_rate(stress: Array, tensor: Array) -> Array:
-    """Rate of the strain tensor, 1/s: flow along stress less back stress, written out afresh."""
+    """Return the rate of the strain tensor, 1/s: flow along the stress less the back stress."""
     c = Austenite.at(HOT, 0.1)
     size = np.sqrt(2.0 / 3.0 * tensor @ tensor)
     back = np.zeros(4)
@@ -98,7 +98,7 @@ def kozlowski_rate(stress: Array, tensor: Array) -> Array:
 
 
 def exact(path: Callable[[float], Array], times: Array) -> Array:
-    """Deviatoric stress (m, 4) of austenite at HOT under deviatoric strain rates over time."""
+    """Solve for the deviatoric stress (m, 4) of austenite at HOT under deviatoric strain rates."""
     shear = YOUNG / 2.0 / (1.0 + POISSON)
 
     def rates(t: float, y: Array) -> Array:
@@ -121,19 +121,19 @@ SHEARING = np.array([0.6, -0.6, 0.0, 0.5])
 
 
 def reversing(t: float) -> Array:
-    """Tension, compression, rest, tension: equivalent rates of 1e-3 1/s."""
+    """Return the strain rate of tension, compression, rest, tension: 1e-3 1/s or 0."""
     return AXIS * (1e-3 if t < 5.0 else -1e-3 if t < 9.0 else 0.0 if t < 14.0 else 1e-3)
 
 
 def turning(t: float) -> Array:
-    """A strain rate whose direction turns, with a rest."""
+    """Return a strain rate whose direction rotates, with a rest."""
     if 8.0 <= t < 10.0:
         return np.zeros(4)
     return np.asarray(1e-3 * (np.cos(0.5 * t) * AXIS + np.sin(0.5 * t) * SHEARING))
 
 
 def stepped(law: RadialReturn, path: Callable[[float], Array], end: float, steps: int) -> Array:
-    """Deviatoric stress and strain tensor (steps + 1, 8) of a point in equal steps."""
+    """Integrate a point in equal steps: deviatoric stress and strain tensor (steps + 1, 8)."""
     stress, state = np.zeros((1, 4)), law.initial_state(1)
     heat, dt = np.full(1, HOT), end / steps
     found = np.zeros((steps + 1, 8))
@@ -149,8 +149,8 @@ def stepped(law: RadialReturn, path: Callable[[float], Array], end: float, steps
 
 
 @pytest.mark.parametrize("path", [reversing, turning])
-def test_austenite_is_kozlowski_with_his_signed_strain(path: Callable[[float], Array]) -> None:
-    """The differential equation, met at first order in the step, also where the flow turns."""
+def test_austenite_matches_kozlowski_with_signed_strain(path: Callable[[float], Array]) -> None:
+    """Compared with the differential equation the error is of first order, also as flow rotates."""
     end, marks = 18.0, 18
     times = np.linspace(0.0, end, marks + 1)
     goal = exact(path, times)[:, :4]
@@ -162,18 +162,18 @@ def test_austenite_is_kozlowski_with_his_signed_strain(path: Callable[[float], A
     errors = [np.abs(o).max() for o in off]
     assert errors[2] < 4e-3
     assert errors[0] / errors[1] > 1.8 and errors[1] / errors[2] > 1.8
-    assert np.abs(2.0 * off[2] - off[1]).max() < 3e-4  # extrapolated to no step at all
+    assert np.abs(2.0 * off[2] - off[1]).max() < 3e-4  # extrapolated to a step of zero
 
 
-def test_a_bar_that_was_stretched_creeps_back_when_it_is_let_go() -> None:
-    """Without stress the back stress drives flow: d e/dt = -C (f1 e^f2)^f3, less is left."""
+def test_unloaded_bar_creeps_back() -> None:
+    """Without stress the back stress drives the flow: d e/dt = -C (f1 e^f2)^f3."""
     c = Austenite.at(HOT, 0.1)
     law = austenite()
     state = np.array([[-0.005, -0.005, 0.0]])
     heat, stress, dt = np.full(1, HOT), np.zeros((1, 4)), 20.0
     shear = YOUNG / 2.0 / (1.0 + POISSON)
     for _ in range(2000):
-        # The strain that keeps the bar free of stress is found by Newton's method.
+        # Newton's method for the strain that keeps the bar free of stress.
         strain = np.zeros((1, 4))
         for _ in range(30):
             step = MaterialStep(strain, np.zeros(1), heat, heat, dt)
@@ -194,11 +194,11 @@ def test_a_bar_that_was_stretched_creeps_back_when_it_is_let_go() -> None:
     assert 0.01 - law.strain(state)[0] == pytest.approx(0.01 - goal, rel=1e-2)
 
 
-def test_energy_of_austenite() -> None:
-    """Work of flow = what is lost + what the back stress has stored, never more than that work.
+def test_work_of_austenite_is_dissipated_or_stored() -> None:
+    """The work of flow is the dissipation plus the energy stored by the back stress.
 
-    Stored: f1 r^(1 + f2) / (1 + f2).  The step takes the back stress of its end, so the work is
-    larger by a part that vanishes with the step.
+    The stored energy is f1 r^(1 + f2) / (1 + f2). A step uses the back stress at its end, so the
+    work is larger by a part that vanishes with the step.
     """
     c = Austenite.at(HOT, 0.1)
     m = 1.0 + float(c.hardening_exponent)
@@ -224,7 +224,7 @@ def test_energy_of_austenite() -> None:
 
 
 @pytest.mark.parametrize("make", [austenite, hoff, lambda h: hoff(h, None)])
-def test_loading_one_way_knows_no_sign(make: Callable[[Options], RadialReturn]) -> None:
+def test_monotonic_loading_is_independent_of_sign(make: Callable[[Options], RadialReturn]) -> None:
     time = np.linspace(0.0, 20.0, 101)
     one, two = (pull(make(h), time, 1e-3 * time, HOT) for h in (PLAIN, SIGNED))
     np.testing.assert_allclose(two.axial_stress, one.axial_stress, rtol=1e-9)
@@ -232,8 +232,8 @@ def test_loading_one_way_knows_no_sign(make: Callable[[Options], RadialReturn]) 
     np.testing.assert_allclose(flow, one.state[-1, :, 0], rtol=1e-9)
 
 
-def test_a_curve_is_virgin_again_for_the_flow_back() -> None:
-    """Law (163), signed: after a reversal p counts as none until the strain is made up for."""
+def test_reversed_flow_follows_the_virgin_curve() -> None:
+    """Signed law (163): after a reversal p counts as 0 until the strain is reversed."""
     law = hoff(SIGNED, None)
     time = np.linspace(0.0, 20.0, 2001)
     axial = np.where(time < 10.0, 1e-3 * time, 2e-2 - 1e-3 * time)
@@ -241,7 +241,7 @@ def test_a_curve_is_virgin_again_for_the_flow_back() -> None:
     virgin = pull(law, time[:1001], 1e-3 * time[:1001], HOT)
     limit = virgin.axial_stress[virgin.flows[:, 0].argmax(), 0]
     back = -found.axial_stress[(time > 13.0) & (time < 19.0), 0]
-    # e = q/E alone: the stress where elastic line and curve cross, all the way back.
+    # With e = q/E the stress is where the elastic line crosses the curve, until p is reversed.
     np.testing.assert_allclose(back, limit, rtol=2e-3)
     hardened = pull(hoff(PLAIN, None), time, axial, HOT)
     assert -hardened.axial_stress[-1, 0] > 1.5 * back[-1]
@@ -249,7 +249,7 @@ def test_a_curve_is_virgin_again_for_the_flow_back() -> None:
 
 @pytest.mark.parametrize("signed", [False, True])
 def test_recovery_balances_hardening(signed: bool) -> None:
-    """Long pulled at a constant rate: p = rate tau, whatever the step; held: p falls as exp(-t)."""
+    """At a constant rate p tends to rate tau for any step; at rest p falls as exp(-t/tau)."""
     tau, rate = 20.0, 1e-3
     hardening = SIGNED if signed else PLAIN
     fading: Options = {**hardening, "recovery_time": Constant(tau)}
@@ -265,14 +265,14 @@ def test_recovery_balances_hardening(signed: bool) -> None:
     heat = np.full(1, HOT)
     for _ in range(400):
         step = MaterialStep(np.zeros((1, 4)), np.zeros(1), heat, heat, 0.05)
-        # No stress and no shear stiffness to speak of: nothing flows, the strain fades alone.
+        # Without stress nothing flows; the strain only recovers.
         state = hoff(fading).integrate(step, np.zeros((1, 4)), state).state
-    left = hoff(hardening).strain(state)[0] / (rate * tau)
-    assert left == pytest.approx(np.exp(-1.0), rel=2e-3)
+    remaining = hoff(hardening).strain(state)[0] / (rate * tau)
+    assert remaining == pytest.approx(np.exp(-1.0), rel=2e-3)
 
 
 @ALL
-def test_states_know_their_strain_and_turn_with_the_material(law: RadialReturn) -> None:
+def test_states_rotate_with_the_material(law: RadialReturn) -> None:
     state = random_states(law, 500, 1, seed=8).state
     angle = np.linspace(-3.0, 3.0, 500)
     turned = law.turned(state, angle)
@@ -285,8 +285,8 @@ def test_states_know_their_strain_and_turn_with_the_material(law: RadialReturn) 
         assert turned is state
 
 
-def test_the_signed_stress_does_not_depend_on_the_steps() -> None:
-    """A bar held in its length, its temperature swinging: the peaks of fine and coarse steps."""
+def test_peak_stress_converges_with_the_step() -> None:
+    """A bar of fixed length under an oscillating temperature: peaks of fine and coarse steps."""
     peaks = []
     for n in (50, 100, 200):
         turn = 2.0 * np.pi * np.arange(6 * n + 1) / n

@@ -1,4 +1,4 @@
-"""Parameters from tensile curves: known ones come back, doubts are told, files are read."""
+"""Parameters identified from tensile curves, their uncertainty, and the files of the curves."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ P1, P3, P4 = 1.5, 0.14, 0.2
 def synthetic(
     noise: float = 0.0, seed: int = 0, rates: tuple[float, ...] = RATES, p1: float = P1
 ) -> TensileData:
-    """Curves of known parameters with multiplicative noise."""
+    """Return curves of known parameters with multiplicative noise."""
     t, r, e = (
         a.ravel()
         for a in np.meshgrid(
@@ -42,7 +42,7 @@ def synthetic(
 
 
 def kozlowski(rates: npt.ArrayLike, strains: npt.ArrayLike) -> TensileData:
-    """Kozlowski III, 0.10 %C, as tensile curves."""
+    """Return tensile curves of Kozlowski III, 0.10 %C."""
     celsius = np.array([800.0, 900.0, 1000.0, 1100.0, 1200.0, 1300.0, 1400.0, 1450.0])
     t, r, e = (a.ravel() for a in np.meshgrid(celsius + ZERO, rates, strains, indexing="ij"))
     return TensileData(t, r, e, Austenite.at(t, 0.10).stress(e, r), "Kozlowski III")
@@ -52,7 +52,7 @@ def truth(law: IdentifiedLaw) -> Array:
     return np.stack([np.log(STRENGTH), np.full(5, P1), np.full(5, P3), np.full(5, P4)], axis=1)
 
 
-def test_exact_data_give_the_parameters_back() -> None:
+def test_exact_data_return_the_parameters() -> None:
     law = identify(synthetic())
     np.testing.assert_allclose([f.values for f in law.fits], truth(law), rtol=1e-6)
     assert max(f.worst for f in law.fits) < 1e-6
@@ -60,12 +60,12 @@ def test_exact_data_give_the_parameters_back() -> None:
 
 
 @pytest.mark.parametrize("degree", [None, 3])
-def test_intervals_hold_what_they_promise(degree: int | None) -> None:
-    """Of 15 noisy sets, 95 % of the intervals hold the truth (300 of them: 90 to 99 %)."""
+def test_intervals_contain_the_truth_at_their_level(degree: int | None) -> None:
+    """Of the 300 intervals of 15 noisy sets, about 95 % contain the truth (90 to 99 %)."""
     inside: list[bool] = []
     for seed in range(15):
         law = identify(synthetic(0.03, seed), IdentifyOptions(degree=degree))
-        if degree is not None:  # strength is no polynomial here: only the exponents are
+        if degree is not None:  # here the strength is no polynomial of temperature
             law_truth, columns = truth(law), (1, 2, 3)
         else:
             law_truth, columns = truth(law), (0, 1, 2, 3)
@@ -75,15 +75,15 @@ def test_intervals_hold_what_they_promise(degree: int | None) -> None:
     assert 0.90 < np.mean(inside) < 0.99
 
 
-def test_joined_fits_know_more_than_single_ones() -> None:
+def test_joint_fits_have_narrower_intervals() -> None:
     data = synthetic(0.03)
-    alone, joined = identify(data), identify(data, IdentifyOptions(degree=2))
-    middle = [law.fits[2].half_width for law in (alone, joined)]
+    separate, joint = identify(data), identify(data, IdentifyOptions(degree=2))
+    middle = [law.fits[2].half_width for law in (separate, joint)]
     assert all(b < 0.75 * a for a, b in zip(*middle, strict=True))
 
 
-def test_kozlowski_to_the_error_of_the_shipped_set() -> None:
-    """Without p1 about 3 to 7 % rms, with it half; the exponents within a few hundredths."""
+def test_fit_of_kozlowski_has_the_error_of_the_shipped_set() -> None:
+    """Without p1 the rms error is 3 to 7 %, with p1 half of that."""
     data = kozlowski(np.geomspace(1e-4, 5e-3, 6), np.geomspace(0.002, 0.05, 12))
     shipped = load_law("norton_hoff_kozlowski", load_elasticity())
     assert isinstance(shipped, NortonHoff)
@@ -101,7 +101,7 @@ def test_kozlowski_to_the_error_of_the_shipped_set() -> None:
     assert (free.parameter("p1") < -3.0).all()
 
 
-def test_softening_is_not_seen_where_there_is_none() -> None:
+def test_absent_softening_is_not_identified() -> None:
     law = identify(kozlowski(np.geomspace(1e-4, 5e-3, 4), np.geomspace(0.002, 0.05, 12)))
     assert (law.parameter("p1") == 0.0).all()
     assert any("p1 is held by its bound" in text for text in law.statements())
@@ -110,7 +110,7 @@ def test_softening_is_not_seen_where_there_is_none() -> None:
 
 
 @pytest.mark.parametrize("degree", [None, 2])
-def test_one_rate_tells_nothing_about_rates(degree: int | None) -> None:
+def test_single_rate_leaves_rate_exponent_undetermined(degree: int | None) -> None:
     law = identify(synthetic(0.02, rates=(1e-3,)), IdentifyOptions(degree=degree))
     for fit in law.fits:
         assert np.isinf(fit.half_width[0]) and np.isinf(fit.half_width[2])
@@ -122,14 +122,14 @@ def test_one_rate_tells_nothing_about_rates(degree: int | None) -> None:
     assert "(open)" in law.report()
 
 
-def test_the_fit_does_not_care_how_densely_a_curve_was_sampled() -> None:
-    """Ten times the points, hanging together as measured ones do: the intervals stay as wide."""
+def test_interval_is_independent_of_sampling_density() -> None:
+    """With ten times the points, errors correlated as in measurements, intervals stay as wide."""
     rng = np.random.default_rng(4)
     widths = []
     for n in (30, 300):
         e = np.tile(np.geomspace(2e-3, 0.3, n), 3)
         r = np.repeat(RATES, n)
-        drift = np.concatenate([_wander(np.linspace(0.0, 1.0, n), rng) for _ in RATES])
+        drift = np.concatenate([_smooth_error(np.linspace(0.0, 1.0, n), rng) for _ in RATES])
         stress = modified_norton_hoff(e, r, 44e6, P1, P3, P4) * np.exp(0.05 * drift)
         data = TensileData(np.full(3 * n, 1373.15), r, e, stress)
         widths.append(identify(data, IdentifyOptions(points=1000)).fits[0].half_width)
@@ -137,13 +137,13 @@ def test_the_fit_does_not_care_how_densely_a_curve_was_sampled() -> None:
     assert (ratio < 2.0).all() and (ratio > 0.3).all()
 
 
-def _wander(x: Array, rng: np.random.Generator) -> Array:
-    """A smooth random error along a curve."""
+def _smooth_error(x: Array, rng: np.random.Generator) -> Array:
+    """Return a smooth random error along a curve."""
     a, b = rng.normal(size=4), rng.uniform(0.0, 6.28, 4)
     return np.asarray(sum(a[k] * np.sin(3.0 * (k + 1) * x + b[k]) for k in range(4)) / 2.0)
 
 
-def test_elastic_part_and_long_curves_are_left_out() -> None:
+def test_elastic_and_large_strains_are_omitted() -> None:
     data = synthetic()
     strain = np.concatenate([data.strain, np.full(5, 1e-4)])
     more = TensileData(
@@ -158,33 +158,33 @@ def test_elastic_part_and_long_curves_are_left_out() -> None:
     np.testing.assert_allclose([f.values for f in law.fits], truth(law), rtol=1e-6)
 
 
-def test_the_file_written_is_the_law(tmp_path: Path) -> None:
+def test_written_file_contains_the_law(tmp_path: Path) -> None:
     law = identify(synthetic(0.02))
     path = tmp_path / "fitted.toml"
     path.write_text(law.to_toml(), "utf-8")
     data = tomllib.loads(path.read_text("utf-8"))
     assert "synthetic" in data["description"] and data["status"] == "C"
     elasticity = load_elasticity()
-    read, made = load_law("fitted.toml", elasticity, tmp_path), law.law(elasticity)
+    read, identified = load_law("fitted.toml", elasticity, tmp_path), law.law(elasticity)
     assert isinstance(read, NortonHoff)
     t = np.linspace(1100.0, 1700.0, 50)
     for name in ("strength", "p1", "p3", "p4"):
-        np.testing.assert_allclose(getattr(read, name)(t), getattr(made, name)(t), rtol=1e-5)
+        np.testing.assert_allclose(getattr(read, name)(t), getattr(identified, name)(t), rtol=1e-5)
     single = identify(synthetic().select(np.flatnonzero(synthetic().temperature < 1200.0)))
     path.write_text(single.to_toml(), "utf-8")
-    alone = load_law("fitted.toml", elasticity, tmp_path)
-    assert isinstance(alone, NortonHoff)
-    assert alone.strength(t)[0] == pytest.approx(90e6, rel=1e-5)
+    read = load_law("fitted.toml", elasticity, tmp_path)
+    assert isinstance(read, NortonHoff)
+    assert read.strength(t)[0] == pytest.approx(90e6, rel=1e-5)
 
 
-def test_report_and_picture(tmp_path: Path) -> None:
+def test_report_and_picture_are_written(tmp_path: Path) -> None:
     law = identify(synthetic(0.03))
     lines = law.report().splitlines()
     assert len(lines) == 7 and "+-" in lines[1] and "95 %" in lines[6]
     assert law.plot(tmp_path / "fit.png").stat().st_size > 20_000
 
 
-def test_reading_a_file(tmp_path: Path) -> None:
+def test_file_of_curves_is_read(tmp_path: Path) -> None:
     path = tmp_path / "tests.csv"
     path.write_text(
         "# Gleeble, 2003\n"
@@ -214,7 +214,7 @@ def test_identify_takes_a_path(tmp_path: Path) -> None:
     assert law.used.name == "curves.csv"
 
 
-def test_a_unit_with_a_negative_power_is_what_it_says(tmp_path: Path) -> None:
+def test_units_with_negative_power_are_read(tmp_path: Path) -> None:
     path = tmp_path / "curves.csv"
     for unit in ("1/s", "s^-1", "s-1"):
         path.write_text(
@@ -237,7 +237,7 @@ def test_a_unit_with_a_negative_power_is_what_it_says(tmp_path: Path) -> None:
         ("temperature [K], strain rate [1/s], strain, stress [MPa]\n1000,1,nan,3", "not finite"),
     ],
 )
-def test_faulty_files_are_told(tmp_path: Path, text: str, expected: str) -> None:
+def test_invalid_files_are_rejected(tmp_path: Path, text: str, expected: str) -> None:
     path = tmp_path / "faulty.csv"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
@@ -245,7 +245,7 @@ def test_faulty_files_are_told(tmp_path: Path, text: str, expected: str) -> None
     assert expected in str(caught.value) and "faulty.csv" in str(caught.value)
 
 
-def test_too_little_is_told(tmp_path: Path) -> None:
+def test_insufficient_data_are_rejected(tmp_path: Path) -> None:
     data = synthetic()
     few = data.select(np.arange(3))
     with pytest.raises(InputError, match="3 usable points at 900 degC"):

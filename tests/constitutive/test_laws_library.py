@@ -1,4 +1,4 @@
-"""Parameter files: the shipped sets are what their text says, faulty files say what is wrong."""
+"""Parameter files: shipped sets agree with their description, invalid files are rejected."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def test_every_shipped_number_has_a_source_and_a_status() -> None:
     for path in FOLDER.glob("*.toml"):
         data = tomllib.loads(path.read_text("utf-8"))
         assert data["description"]
-        whole = "source" in data and data["status"] in ("F", "M", "C")
+        whole_file = "source" in data and data["status"] in ("F", "M", "C")
         tables = [v for v in data.values() if isinstance(v, dict)]
-        assert whole or all(t["source"] and t["status"] in ("F", "M", "C") for t in tables)
+        assert whole_file or all(t["source"] and t["status"] in ("F", "M", "C") for t in tables)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_every_shipped_number_has_a_source_and_a_status() -> None:
         ),
     ],
 )
-def test_shipped_fits_have_the_error_they_state(
+def test_shipped_fits_have_the_stated_error(
     name: str, largest: list[float], rms: list[float]
 ) -> None:
     law = load_law(name, EL)
@@ -98,7 +98,7 @@ def test_weiner_boley_yields_as_published() -> None:
     np.testing.assert_allclose(law.yield_stress(t), expected, rtol=1e-9)
 
 
-def test_delta_share_is_of_the_solid() -> None:
+def test_delta_share_is_a_fraction_of_the_solid() -> None:
     share = delta_share_of(0.09)
     t = np.array([1350.0, 1480.0, 1510.0, 1520.0, 1600.0]) + ZERO
     np.testing.assert_allclose(share(t)[[0, 2, 3, 4]], [0.0, 1.0, 1.0, 1.0], atol=1e-12)
@@ -106,21 +106,21 @@ def test_delta_share_is_of_the_solid() -> None:
     assert (delta_share_of(0.6)(t) == 0.0).all()
 
 
-def test_laws_from_data() -> None:
+def test_laws_are_read_from_data() -> None:
     creep = law_from(
         {"law": "norton_creep", "stress": "10 MPa", "rate": "1e-4 1/s", "exponent": 5}, EL
     )
     assert isinstance(creep, NortonCreep)
     assert creep.ln_factor(np.full(1, 900.0))[0] == pytest.approx(np.log(1e-4) - 5 * np.log(1e7))
-    given = law_from(
+    limited = law_from(
         {"law": "norton_hoff", "strength": "30 MPa", "p3": 0.1, "yield_limit": {"value": "2 MPa"}},
         EL,
     )
-    assert isinstance(given, NortonHoff) and given.yield_limit is not None
-    assert given.yield_limit(np.full(1, 900.0))[0] == 2e6
-    assert given.p4(np.full(1, 900.0))[0] == 0.0
+    assert isinstance(limited, NortonHoff) and limited.yield_limit is not None
+    assert limited.yield_limit(np.full(1, 900.0))[0] == 2e6
+    assert limited.p4(np.full(1, 900.0))[0] == 0.0
     assert isinstance(law_from({"law": "thermo_elastic"}, EL), ThermoElastic)
-    assert given.hardening == "accumulated" and given.state_names == ("viscoplastic_strain",)
+    assert limited.hardening == "accumulated" and limited.state_names == ("viscoplastic_strain",)
     steel = law_from(
         {"law": "unified_steel", "carbon": 0.1, "hardening": "signed", "recovery_time": "50 s"}, EL
     )
@@ -153,7 +153,7 @@ def test_laws_from_data() -> None:
         ({"law": "thermo_elastic", "hardening": "signed"}, ["hardening: unknown key"]),
     ],
 )
-def test_faulty_parameters_are_told(data: dict[str, object], texts: list[str]) -> None:
+def test_invalid_parameters_are_rejected(data: dict[str, object], texts: list[str]) -> None:
     with pytest.raises(InputError) as caught:
         law_from(data, EL, "here")
     assert all(line.startswith("here: ") for line in caught.value.problems)
@@ -161,7 +161,7 @@ def test_faulty_parameters_are_told(data: dict[str, object], texts: list[str]) -
         assert text in str(caught.value)
 
 
-def test_faulty_files_are_told(tmp_path: Path) -> None:
+def test_invalid_files_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="did you mean norton_hoff_kozlowski"):
         load_law("norton_hof_kozlowski", EL)
     with pytest.raises(InputError, match=r"none\.toml.*not found"):
@@ -177,7 +177,7 @@ def test_faulty_files_are_told(tmp_path: Path) -> None:
         load_elasticity(str(tmp_path / "own.toml"))
 
 
-def test_parameters_that_are_none(tmp_path: Path) -> None:
+def test_invalid_coefficients_are_rejected(tmp_path: Path) -> None:
     one = np.full(1, 1200.0)
     law = NortonHoff(EL, Constant(-1.0), Constant(0.0), Constant(0.1), Constant(0.1))
     with pytest.raises(ValueError, match="strength K0 p2 must be positive"):
@@ -189,7 +189,7 @@ def test_parameters_that_are_none(tmp_path: Path) -> None:
         PerfectlyPlastic(EL, Constant(0.0)).coefficients(one, one)
 
 
-def test_rows() -> None:
+def test_tables_interpolate() -> None:
     t = np.array([0.0, 100.0, 150.0, 200.0, 300.0])
     linear = Table("temperature", (100.0, 200.0), (1.0, 4.0))
     np.testing.assert_allclose(linear(t), [1.0, 1.0, 2.5, 4.0, 4.0])

@@ -1,4 +1,4 @@
-"""What every law must be whatever its numbers: odd, blind to pressure, monotone in the rate."""
+"""Properties of every law: odd, independent of pressure, monotone in the strain rate."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def step_of(step: MaterialStep, strain: Array, thermal: Array, dt: float) -> Mat
 
 
 def scale(law: RadialReturn, step: MaterialStep, stress: Array) -> Array:
-    """Size of the trial stress, to measure rounding by (n, 1)."""
+    """Return the size of the trial stress (n, 1), the scale of rounding errors."""
     c = law.coefficients(step.temperature_old, step.temperature)
     size = 3.0 * np.maximum(c[:, 0], c[:, 1]) * np.abs(step.strain_increment).max(axis=1)
     size += 3.0 * c[:, 1] * np.abs(step.thermal_increment)
@@ -49,15 +49,15 @@ def scale(law: RadialReturn, step: MaterialStep, stress: Array) -> Array:
 
 
 def opposite(law: RadialReturn, state: Array) -> Array:
-    """The state of material that was strained the other way: p has no sign, a tensor has."""
-    other = state.copy()
+    """Return the state of material strained the opposite way: p has no sign, a tensor has."""
+    reversed_state = state.copy()
     if law.signed:
-        other[:, :3] *= -1.0
-    return other
+        reversed_state[:, :3] *= -1.0
+    return reversed_state
 
 
 def back_stress(law: RadialReturn, c: Array, state: Array) -> Array:
-    """X = 2/3 f1 r^(f2 - 1) E of signed austenite, of all else none, (n, 4)."""
+    """Return X = 2/3 f1 r^(f2 - 1) E (n, 4) of signed austenite, 0 for other laws."""
     if not (law.signed and law.kind == constants.STEEL):
         return np.zeros((len(state), 4))
     strain = law.strain(state)
@@ -68,34 +68,34 @@ def back_stress(law: RadialReturn, c: Array, state: Array) -> Array:
 
 
 @ALL
-def test_the_opposite_gives_the_opposite(law: RadialReturn) -> None:
-    """Strain, thermal strain, stress and tensors of the state turned around: what comes out too.
+def test_response_is_odd(law: RadialReturn) -> None:
+    """Reversed strain, thermal strain, stress and state tensors give the reversed response.
 
-    Work, tangent and what has no sign stay the same.
+    Work, tangent and accumulated strains stay the same.
     """
     for step, stress, state in parts(law, 21):
         found = law.integrate(step, stress, state)
-        turned = step_of(step, -step.strain_increment, -step.thermal_increment, step.dt)
-        other = law.integrate(turned, -stress, opposite(law, state))
-        np.testing.assert_array_equal(other.stress, -found.stress)
-        np.testing.assert_array_equal(other.state, opposite(law, found.state))
-        np.testing.assert_array_equal(other.dissipation, found.dissipation)
-        np.testing.assert_array_equal(other.tangent, found.tangent)
+        reversed_step = step_of(step, -step.strain_increment, -step.thermal_increment, step.dt)
+        opposed = law.integrate(reversed_step, -stress, opposite(law, state))
+        np.testing.assert_array_equal(opposed.stress, -found.stress)
+        np.testing.assert_array_equal(opposed.state, opposite(law, found.state))
+        np.testing.assert_array_equal(opposed.dissipation, found.dissipation)
+        np.testing.assert_array_equal(opposed.tangent, found.tangent)
 
 
 @ALL
-def test_pressure_changes_nothing_but_the_mean(law: RadialReturn) -> None:
-    """A change of volume more in the step: deviator, flow and work stay, the mean is Hooke's."""
+def test_pressure_changes_only_the_mean_stress(law: RadialReturn) -> None:
+    """An additional volume change changes only the mean stress, by Hooke's law."""
     rng = np.random.default_rng(5)
     for step, stress, state in parts(law, 22):
         volume = rng.uniform(-1e-3, 1e-3, len(stress))
-        squeezed = step_of(
+        compressed = step_of(
             step, step.strain_increment + volume[:, None] * ONE, step.thermal_increment, step.dt
         )
-        found, other = law.integrate(step, stress, state), law.integrate(squeezed, stress, state)
+        found, other = law.integrate(step, stress, state), law.integrate(compressed, stress, state)
         c = law.coefficients(step.temperature_old, step.temperature)
         more = (3.0 * c[:, 1] * c[:, 5] * volume)[:, None] * ONE
-        size = scale(law, squeezed, stress)
+        size = scale(law, compressed, stress)
         assert (np.abs(other.stress - found.stress - more) <= 1e-10 * size).all()
         if state.shape[1]:
             elastic = size[:, 0] / c[:, 0]
@@ -106,10 +106,10 @@ def test_pressure_changes_nothing_but_the_mean(law: RadialReturn) -> None:
 
 @ALL
 def test_work_is_stress_times_flow(law: RadialReturn) -> None:
-    """The dissipation of a step is q dp; of a law with a tensor (s - X):dE.
+    """The dissipation of a step is q dp; for a law with a tensor it is (s - X):dE.
 
-    What a back stress takes is stored. Flow is what the state has gained and what of it has
-    recovered since, E (1 + dt/tau) - E_old.
+    The work of the back stress is stored. The flow is the growth of the state plus its recovery
+    in the step, E (1 + dt/tau) - E_old.
     """
     for step, stress, state in parts(law, 23):
         found = law.integrate(step, stress, state)
@@ -129,33 +129,33 @@ def test_work_is_stress_times_flow(law: RadialReturn) -> None:
         else:
             flow = np.abs(grown * found.state[:, 0] - np.where(virgin, 0.0, state[:, 0]))
             expected = level * flow
-        # q is the difference of large means and back stresses, dp that of large flows.
+        # q is a difference of large mean and back stresses, dp a difference of large flows.
         noise = 1e-13 * (np.abs(found.stress) + np.abs(back)).max(axis=1) * flow
         noise += 1e-13 * level * strain
         assert (np.abs(found.dissipation - expected) <= 1e-9 * expected + noise).all()
 
 
-def virgins() -> tuple[Array, Array]:
-    """Temperatures (n,) and strain increments (n, 4) from 1e-5 to some 0.2."""
+def virgin_loads() -> tuple[Array, Array]:
+    """Return temperatures (n,) and strain increments (n, 4) of about 1e-5 to 0.2."""
     rng, n = np.random.default_rng(7), 500
     heat = rng.uniform(900.0, 1700.0, n)
     return heat, rng.normal(size=(n, 4)) * 10.0 ** rng.uniform(-5.0, -1.0, n)[:, None]
 
 
 def strained(law: RadialReturn, heat: Array, strain: Array, dt: float) -> Response:
-    """Answer of material that was never strained before."""
+    """Return the response of material that was never strained before."""
     step = MaterialStep(strain, np.zeros(len(heat)), heat, heat, dt)
     return law.integrate(step, np.zeros((len(heat), 4)), law.initial_state(len(heat)))
 
 
 def curve_strain(law: RadialReturn, heat: Array, found: Response) -> Array:
-    """Strain e = p + q/E that a flow curve is read at."""
+    """Return the strain e = p + q/E at which a flow curve is evaluated."""
     young = law.coefficients(heat, heat)[:, constants.YOUNG]
     return np.asarray(law.strain(found.state) + equivalent_stress(found.stress) / young)
 
 
-def strongest(law: RadialReturn, heat: Array) -> Array:
-    """Strain p4/p1 beyond which a curve falls; infinite where it never does."""
+def peak_strain(law: RadialReturn, heat: Array) -> Array:
+    """Return the strain p4/p1 of the maximum of a flow curve; infinite without a maximum."""
     peak = np.full(len(heat), np.inf)
     if isinstance(law, NortonHoff):
         p1, p4 = law.p1(heat), law.p4(heat)
@@ -164,14 +164,14 @@ def strongest(law: RadialReturn, heat: Array) -> Array:
 
 
 @pytest.mark.parametrize("name", RATE_DEPENDENT)
-def test_more_time_flows_more(name: str) -> None:
-    """The same strain in more time: never a higher stress, for virgin material.
+def test_slower_strain_gives_no_higher_stress(name: str) -> None:
+    """The same strain in a longer time never gives a higher stress in virgin material.
 
-    Steel that recovers from softening is the exception: with the strain it loses what had softened
-    it, and is stronger after a slow strain beyond the top of its curve than after a fast one.
+    A law that recovers from softening is the exception: recovery removes the strain that softened
+    it, so it is stronger after a slow strain beyond the maximum of its curve than after a fast one.
     """
     law = LAWS[name]
-    heat, strain = virgins()
+    heat, strain = virgin_loads()
     elastic = ThermoElastic(law.elasticity)
     first = equivalent_stress(strained(elastic, heat, strain, 1.0).stress)
     before, softened = first, np.zeros(len(heat), dtype=bool)
@@ -182,15 +182,15 @@ def test_more_time_flows_more(name: str) -> None:
         assert (q <= most * (1.0 + 1e-10)).all()
         before = q
         if name in RECOVERING:
-            softened = curve_strain(law, heat, found) > strongest(law, heat)
+            softened = curve_strain(law, heat, found) > peak_strain(law, heat)
 
 
 @pytest.mark.parametrize("name", RECOVERING)
-def test_more_time_flows_more_if_no_more_recovers(name: str) -> None:
-    """Slower, the recovery time as much longer: never a higher stress, softened or not."""
+def test_slower_strain_with_slower_recovery_is_no_stronger(name: str) -> None:
+    """With the recovery time scaled by the duration, no slower strain gives a higher stress."""
     law = LAWS[name]
     assert isinstance(law, Hardening)
-    heat, strain = virgins()
+    heat, strain = virgin_loads()
     for part in (1e-3, 1e-1, 10.0):
         before = np.full(len(heat), np.inf)
         for dt in 10.0 ** np.arange(-12.0, 7.0):
@@ -206,11 +206,11 @@ def test_more_time_flows_more_if_no_more_recovers(name: str) -> None:
 
 @pytest.mark.parametrize("name", [k for k in RECOVERING if isinstance(LAWS[k], NortonHoff)])
 def test_recovery_undoes_hardening_and_softening(name: str) -> None:
-    """The same step, more recovered: weaker below the top of the curve, stronger beyond it."""
+    """With more recovery the step is weaker below the maximum of the curve, stronger beyond."""
     law = LAWS[name]
     assert isinstance(law, NortonHoff)
-    heat, strain = virgins()
-    peak, weaker, stronger = strongest(law, heat), 0, 0
+    heat, strain = virgin_loads()
+    peak, weaker, stronger = peak_strain(law, heat), 0, 0
     found = strained(replace(law, recovery_time=None), heat, strain, 1.0)
     for scale in 10.0 ** np.arange(5.0, -5.0, -0.5):
 

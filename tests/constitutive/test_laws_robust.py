@@ -1,4 +1,4 @@
-"""No law fails at any state: finite, dissipative, consistent, its tangent the derivative."""
+"""Every law is finite, dissipative and consistent at any state; its tangent is exact."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ACCUMULATING = pytest.mark.parametrize("law", PLAIN.values(), ids=PLAIN.keys())
 
 
 @ALL
-def test_a_hundred_thousand_random_states(law: RadialReturn) -> None:
+def test_response_to_random_states_is_valid(law: RadialReturn) -> None:
     flowing = 0
     for step, stress, state in random_states(law, 100_000, 300, seed=1).parts():
         found = law.integrate(step, stress, state)
@@ -33,12 +33,12 @@ def test_a_hundred_thousand_random_states(law: RadialReturn) -> None:
         if law.symmetric:
             assert (np.abs(found.tangent - found.tangent.transpose(0, 2, 1)) <= 1e-13 * size).all()
         flowing += found.flows.sum()
-    assert flowing == 0 or flowing > 20_000  # the sample tries both
+    assert flowing == 0 or flowing > 20_000  # the sample has elastic and flowing points
 
 
 @ACCUMULATING
-def test_flow_returns_radially_and_by_as_much_as_strain_says(law: RadialReturn) -> None:
-    """Q = trial - 3G dp with the trial stress of Hooke's law, and the direction is kept."""
+def test_return_is_radial_and_matches_the_flow(law: RadialReturn) -> None:
+    """Radial return: q = q_trial - 3G dp in the direction of the elastic trial stress."""
     elastic = ThermoElastic(law.elasticity)
     for step, stress, state in random_states(law, 20_000, 100, seed=2).parts():
         found = law.integrate(step, stress, state)
@@ -67,12 +67,12 @@ def _deviator(stress: Array) -> Array:
 
 
 @ALL
-def test_the_tangent_is_the_derivative(law: RadialReturn) -> None:
-    """Central differences to 1e-5, wherever a step length exists that sees no kink and no rounding.
+def test_tangent_is_the_derivative(law: RadialReturn) -> None:
+    """Central differences agree to 1e-5 where a step length is free of kinks and rounding.
 
-    A step is trusted if rounding can change its quotient by 3e-6 at most, if no point begins or
-    ceases to flow within it, and if the two one-sided quotients agree to 1e-5 (where loading turns
-    to unloading they do not).
+    A step length is trusted if rounding can change its quotient by 3e-6 at most, if no point begins
+    or ceases to flow within it, and if the two one-sided quotients agree to 1e-5 (they do not
+    where loading turns to unloading).
     """
     trusted = 0
     for step, stress, state in random_states(law, 3000, 30, seed=3).parts():
@@ -85,7 +85,7 @@ def test_the_tangent_is_the_derivative(law: RadialReturn) -> None:
 def _tangent_error(
     law: RadialReturn, step: MaterialStep, stress: Array, state: Array
 ) -> tuple[Array, Array]:
-    """Smallest relative error over several step lengths, and where one can be trusted."""
+    """Return the smallest relative error over several step lengths, and where it is trusted."""
     c = law.coefficients(step.temperature_old, step.temperature)
 
     def respond(strain: Array) -> Response:
@@ -122,7 +122,7 @@ def _tangent_error(
 
 
 @ALL
-def test_turning_everything_turns_the_answer(law: RadialReturn) -> None:
+def test_rotated_input_gives_rotated_response(law: RadialReturn) -> None:
     turn = rotation(0.7)
     for step, stress, state in random_states(law, 2000, 20, seed=4).parts():
         found = law.integrate(step, stress, state)
@@ -131,13 +131,13 @@ def test_turning_everything_turns_the_answer(law: RadialReturn) -> None:
             step.temperature, step.dt,
         )  # fmt: skip
         turned_state = law.turned(state, np.full(len(state), 0.7))
-        other = law.integrate(turned, stress @ turn.T, turned_state)
+        of_turned = law.integrate(turned, stress @ turn.T, turned_state)
         trial = np.abs(found.tangent).max(axis=(1, 2)) * np.abs(step.strain_increment).max(axis=1)
         scale = (np.abs(stress).max(axis=1) + trial + np.abs(found.stress).max(axis=1))[:, None]
-        assert (np.abs(other.stress - found.stress @ turn.T) <= 1e-9 * scale).all()
+        assert (np.abs(of_turned.stress - found.stress @ turn.T) <= 1e-9 * scale).all()
 
 
-def test_rotation_is_that_of_the_tensor() -> None:
+def test_rotation_is_that_of_a_tensor() -> None:
     angle, s = 0.4, np.array([3.0, -1.0, 2.0, np.sqrt(2.0) * 0.7])
     tensor = np.array([[3.0, 0.7], [0.7, -1.0]])
     r = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -147,17 +147,17 @@ def test_rotation_is_that_of_the_tensor() -> None:
 
 
 @ALL
-def test_output_arrays_are_used_and_points_do_not_see_each_other(law: RadialReturn) -> None:
+def test_points_are_independent_and_output_arrays_reused(law: RadialReturn) -> None:
     step, stress, state = random_states(law, 50, 1, seed=6).parts()[0]
     out = Response.empty(50, state.shape[1])
     found = law.integrate(step, stress, state, out=out)
     assert found is out
     i = slice(17, 18)
-    alone = MaterialStep(
+    point = MaterialStep(
         step.strain_increment[i], step.thermal_increment[i], step.temperature_old[i],
         step.temperature[i], step.dt,
     )  # fmt: skip
-    single = law.integrate(alone, stress[i], state[i])
+    single = law.integrate(point, stress[i], state[i])
     np.testing.assert_array_equal(single.stress, out.stress[i])
     np.testing.assert_array_equal(single.tangent, out.tangent[i])
     np.testing.assert_array_equal(single.state, out.state[i])
@@ -183,7 +183,7 @@ def test_rounding_does_not_choose_the_tangent(name: str) -> None:
 
 
 @ALL
-def test_no_load_no_answer(law: RadialReturn) -> None:
+def test_zero_load_gives_zero_response(law: RadialReturn) -> None:
     none = np.zeros(3)
     heat = np.array([300.0, 1500.0, 1850.0])
     step = MaterialStep(np.zeros((3, 4)), none, heat, heat, 0.1)
@@ -193,8 +193,8 @@ def test_no_load_no_answer(law: RadialReturn) -> None:
 
 
 @ALL
-def test_nonsense_in_nonsense_out_and_only_there(law: RadialReturn) -> None:
-    """A diverging outer iteration may send anything; the call returns, other points are right."""
+def test_invalid_input_spoils_its_point_only(law: RadialReturn) -> None:
+    """A diverging outer iteration may pass any values: the call returns, other points are right."""
     step, stress, state = random_states(law, 6, 1, seed=9).parts()[0]
     fine = law.integrate(step, stress, state)
     strain = step.strain_increment.copy()
@@ -208,21 +208,20 @@ def test_nonsense_in_nonsense_out_and_only_there(law: RadialReturn) -> None:
         np.testing.assert_array_equal(found.stress[i], fine.stress[i])
 
 
-def test_an_independent_scheme_agrees() -> None:
-    """Vectorised numpy, all points at once."""
+def test_independent_numpy_scheme_agrees() -> None:
     for law in numpy_laws.laws().values():
         step, stress, state = numpy_laws.material_points(law)
         found = law.integrate(step, stress, state)
-        other = numpy_laws.numpy_response(law, step, stress, state)
+        reference = numpy_laws.numpy_response(law, step, stress, state)
         size = np.abs(found.stress).max(axis=1, keepdims=True)
-        assert (np.abs(found.stress - other.stress) <= 1e-10 * size).all()
+        assert (np.abs(found.stress - reference.stress) <= 1e-10 * size).all()
         stiff = np.abs(found.tangent).max(axis=(1, 2), keepdims=True)
-        assert (np.abs(found.tangent - other.tangent) <= 1e-8 * stiff).all()
-        np.testing.assert_allclose(found.state, other.state, rtol=1e-8, atol=1e-14)
-        np.testing.assert_allclose(found.dissipation, other.dissipation, rtol=1e-6, atol=1e-6)
+        assert (np.abs(found.tangent - reference.tangent) <= 1e-8 * stiff).all()
+        np.testing.assert_allclose(found.state, reference.state, rtol=1e-8, atol=1e-14)
+        np.testing.assert_allclose(found.dissipation, reference.dissipation, rtol=1e-6, atol=1e-6)
 
 
-def test_a_step_takes_time() -> None:
+def test_time_step_must_be_positive() -> None:
     law = LAWS["steel"]
     one = np.full(1, 1300.0)
     for dt in (0.0, -1.0, float("nan")):

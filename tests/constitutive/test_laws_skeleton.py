@@ -1,4 +1,4 @@
-"""The skeleton of the mushy zone bears by its solid, at any step; points solidified under load."""
+"""The solid skeleton of the mushy zone, and points that solidify under load."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def laws() -> dict[str, RadialReturn]:
 def strained(
     law: RadialReturn, temperature: float, strain: float, time: float, steps: int
 ) -> tuple[Array, Array]:
-    """Stress and state of a point that is sheared evenly, from rest."""
+    """Return stress and state of a point sheared at a constant rate from rest."""
     stress, state = np.zeros((1, 4)), law.initial_state(1)
     heat, nothing = np.full(1, temperature), np.zeros(1)
     change = np.array([[0.0, 0.0, 0.0, np.sqrt(1.5) * strain / steps]])
@@ -62,8 +62,8 @@ def strained(
 
 
 @pytest.mark.parametrize("name", list(laws()))
-def test_it_bears_its_share_of_what_fresh_solid_bears(name: str) -> None:
-    """Exactly, where Poisson's ratio is 0 and so does not change with the solid fraction."""
+def test_skeleton_has_its_share_of_the_stress_of_solid(name: str) -> None:
+    """Exact for Poisson's ratio 0, which does not change with the solid fraction."""
     solidity = elasticity().solidity
     law = replace(laws()[name], elasticity=Elasticity.constant(5e9, 0.0, solidity))
     for strain in (1e-6, 1e-3, 0.2):
@@ -73,8 +73,8 @@ def test_it_bears_its_share_of_what_fresh_solid_bears(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["plastic", "creep", "steel, delta", "hoff"])
-def test_what_it_bears_does_not_depend_on_the_step(name: str) -> None:
-    """A strain of 1e-5 a second, elastic at first: 10, 100 and 1000 steps agree at first order."""
+def test_stress_of_skeleton_converges_with_the_step(name: str) -> None:
+    """A strain rate of 1e-5 1/s, elastic at first: 10, 100 and 1000 steps agree at first order."""
     law = laws()[name]
     found = [equivalent_stress(strained(law, MUSHY, 1e-4, 10.0, n)[0])[0] for n in (10, 100, 1000)]
     assert found[2] > 1e3
@@ -82,14 +82,14 @@ def test_what_it_bears_does_not_depend_on_the_step(name: str) -> None:
     assert found[0] == pytest.approx(found[2], rel=0.15)
 
 
-def test_it_does_not_harden() -> None:
+def test_skeleton_does_not_harden() -> None:
     law = laws()["steel, delta"]
     _, state = strained(law, MUSHY, 0.05, 10.0, 50)
     assert law.strain(state)[0] < 2e-3
 
 
-def test_what_becomes_coherent_starts_without_stress() -> None:
-    """A point that cools into the skeleton forgets what the liquid's stand-in bore."""
+def test_point_that_becomes_coherent_starts_without_stress() -> None:
+    """A point that cools into the skeleton loses the stress of the stand-in for the liquid."""
     law = PerfectlyPlastic(elasticity(), Constant(2e5))
     old = np.array([[0.0, 0.0, 0.0, 1e5]])
     cooled = MaterialStep(np.zeros((1, 4)), np.zeros(1), np.full(1, SOFT), np.full(1, MUSHY), 0.1)
@@ -97,8 +97,8 @@ def test_what_becomes_coherent_starts_without_stress() -> None:
     np.testing.assert_array_equal(answer.stress, 0.0)
 
 
-def test_what_melts_lets_go() -> None:
-    """Solid that reheats into the mushy zone has at most the flow stress that is left there."""
+def test_reheated_solid_has_the_flow_stress_of_the_skeleton() -> None:
+    """Solid reheated into the mushy zone has at most the flow stress at its solid fraction."""
     law = PerfectlyPlastic(elasticity(), Constant(2e5))
     old = np.array([[0.0, 0.0, 0.0, 1.9e5 * np.sqrt(2.0 / 3.0)]])
     hotter = MaterialStep(
@@ -109,7 +109,7 @@ def test_what_melts_lets_go() -> None:
 
 
 @pytest.mark.parametrize("name", list(laws()))
-def test_the_tangent_is_that_of_differences(name: str) -> None:
+def test_tangent_matches_differences(name: str) -> None:
     law, dt, by = laws()[name], 0.1, 1e-9
     heat = np.full(1, MUSHY)
     strain = np.array([[2e-4, -1e-4, 1e-5, 3e-4]])
@@ -129,7 +129,7 @@ def test_the_tangent_is_that_of_differences(name: str) -> None:
 
 
 def cooled(law: RadialReturn, ends: tuple[float, float], strain: float, steps: int) -> float:
-    """Equivalent stress of a point that is sheared evenly while it cools evenly, from rest."""
+    """Return the equivalent stress of a point sheared and cooled at constant rates from rest."""
     stress, state = np.zeros((1, 4)), law.initial_state(1)
     heat, nothing = np.linspace(*ends, steps + 1)[:, None], np.zeros(1)
     change = np.array([[0.0, 0.0, 0.0, np.sqrt(1.5) * strain / steps]])
@@ -141,16 +141,16 @@ def cooled(law: RadialReturn, ends: tuple[float, float], strain: float, steps: i
     return float(equivalent_stress(stress)[0])
 
 
-def test_a_skeleton_that_stiffens_bears_the_same_in_one_step_as_in_many() -> None:
-    """Exactly, where its modulus grows evenly: the mean modulus times the strain."""
+def test_stress_of_stiffening_skeleton_is_independent_of_steps() -> None:
+    """Exact for a modulus that grows linearly: the mean modulus times the strain."""
     law = ThermoElastic(Elasticity.constant(5e9, 0.0, elasticity(memory=True).solidity))
-    known = 1.5 * 5e9 * 0.5 * (SHARE + 1.0) * 1e-5
+    expected = 1.5 * 5e9 * 0.5 * (SHARE + 1.0) * 1e-5
     for steps in (1, 7):
-        assert cooled(law, (MUSHY, SOLIDUS), 1e-5, steps) == pytest.approx(known, rel=1e-9)
+        assert cooled(law, (MUSHY, SOLIDUS), 1e-5, steps) == pytest.approx(expected, rel=1e-9)
 
 
-def test_flow_under_an_even_stress_is_of_second_order_in_the_step() -> None:
-    """A steel that creeps ten times more slowly with each 100 K: the integral of its rate."""
+def test_creep_at_constant_stress_is_of_second_order() -> None:
+    """The creep rate falls tenfold per 100 K: the strain is the integral of the rate."""
     el = Elasticity.constant(5e9, 0.3, elasticity().solidity)
     law = NortonCreep.at_stress(
         el, Constant(1e6), lambda t: 1e-4 * 10.0 ** ((t - SOLIDUS) / 100.0), Constant(5.0)
@@ -158,7 +158,7 @@ def test_flow_under_an_even_stress_is_of_second_order_in_the_step() -> None:
     start = np.array([[0.0, 0.0, 0.0, np.sqrt(2.0 / 3.0) * 1e6]])
 
     def strain(steps: int) -> float:
-        """Strain that keeps the stress at 1 MPa while the steel cools by 100 K in 10 s."""
+        """Solve for the strain at a stress of 1 MPa while the steel cools by 100 K in 10 s."""
         total, state = 0.0, law.initial_state(1)
         heat, dt = np.linspace(SOLIDUS, SOLIDUS - 100.0, steps + 1)[:, None], 10.0 / steps
         for before, after in itertools.pairwise(heat):
@@ -176,8 +176,8 @@ def test_flow_under_an_even_stress_is_of_second_order_in_the_step() -> None:
     assert coarse / fine == pytest.approx(4.0, rel=0.05)
 
 
-def test_crystals_are_free_of_stress_at_the_moment_they_grow_together() -> None:
-    """A stiffness that grows keeps the stress, not the elastic strain; one that falls scales it."""
+def test_growing_stiffness_keeps_the_stress() -> None:
+    """A stiffness that grows keeps the stress, one that falls keeps the elastic strain."""
     law, stress = ThermoElastic(elasticity()), np.array([[1e5, 2e5, -6e4, 5e4]])
     state, still = law.initial_state(1), (np.zeros((1, 4)), np.zeros(1))
     heat = {name: np.full(1, t) for name, t in (("solid", SOLIDUS), ("mushy", MUSHY))}
@@ -187,8 +187,8 @@ def test_crystals_are_free_of_stress_at_the_moment_they_grow_together() -> None:
     soft, hard = (law.elasticity.moduli(heat[name]) for name in ("mushy", "solid"))
     shear, bulk = soft[0] / hard[0], soft[1] / hard[1]
     mean = stress[:, :3].mean() * np.array([[1.0, 1.0, 1.0, 0.0]])
-    known = shear * (stress - mean) + bulk * mean
-    assert law.integrate(melts, stress, state).stress == pytest.approx(known, rel=1e-12)
+    expected = shear * (stress - mean) + bulk * mean
+    assert law.integrate(melts, stress, state).stress == pytest.approx(expected, rel=1e-12)
 
 
 N = 4001
@@ -196,8 +196,8 @@ N = 4001
 
 @pytest.mark.parametrize("celsius", [1100.0, 1300.0, 1449.0])
 @pytest.mark.parametrize("dt", [0.2, 0.0125, 1e-4])
-def test_a_small_load_on_a_fresh_point_makes_no_jump(celsius: float, dt: float) -> None:
-    """Shear grows through the yield limit: the stress follows without a jump or a fall."""
+def test_stress_is_continuous_across_the_yield_limit(celsius: float, dt: float) -> None:
+    """The shear of a virgin point grows through the yield limit: no jump or fall of stress."""
     elastic = load_elasticity("elastic_steel", Solidity())
     law = load_law("norton_hoff_kozlowski", elastic)
     hot = np.full(N, celsius + 273.15)

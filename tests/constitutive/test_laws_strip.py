@@ -1,9 +1,8 @@
-"""The laws in the smallest structure that solidifies: the half-space of Weiner and Boley (1963).
+"""The laws in a solidifying half-space, by the closed form of Weiner and Boley (1963).
 
-A strip of points across the shell shares its two in-plane strains; each point is free across it.
-The temperature is the exact one, so that only the laws and their time integration are tested:
-freezing, thermal strain from the solidus on, yield that falls with temperature, unloading, yield
-again.
+All points of a strip across the shell have the same two in-plane strains and no stress across it.
+The temperature is exact, so only the laws and their time integration are tested: freezing, thermal
+strain from the solidus on, yield stress falling with temperature, unloading, yield in reverse.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -40,7 +39,7 @@ COMPRESSED, STRETCHED, SPEED = 0.147449, 0.263898, -4.053264e-3
 
 
 def temperature(x: Array, t: float) -> Array:
-    """One-phase Stefan solution, K; the melt is at 1495 degC."""
+    """Return the one-phase Stefan solution, K; the melt is at 1495 degC."""
     if t <= 0.0:
         return np.full_like(x, 1495.0 + ZERO)
     zeta = x / (2.0 * np.sqrt(DIFFUSIVITY * t))
@@ -49,7 +48,7 @@ def temperature(x: Array, t: float) -> Array:
 
 
 def weiner_boley(x: Array, t: float) -> Array:
-    """In-plane stress, MPa."""
+    """Return the in-plane stress of the closed form, MPa."""
     zeta = x / (2.0 * np.sqrt(DIFFUSIVITY * t))
 
     def hot(z: Array | float) -> Array:
@@ -65,13 +64,13 @@ def weiner_boley(x: Array, t: float) -> Array:
 
 @dataclass
 class Strip:
-    """Points across a strip, stepped through time.
+    """Points across a strip, integrated over time.
 
     Attributes:
-        law: Of the steel.
-        x: Places, m.
+        law: Law of the steel.
+        x: Depths of the points, m.
         iterations: Newton iterations of each step.
-        stress: Mandel: across, along, along, shear.
+        stress: Mandel components: across the shell, two in-plane, shear.
     """
 
     law: RadialReturn
@@ -85,13 +84,13 @@ class Strip:
         self.heat = temperature(self.x, 0.0)
 
     def advance(self, dt: float, end: float) -> Strip:
-        """Go on to a time, s."""
+        """Integrate to a time, s."""
         while self.time < end - 1e-9:
             self._advance(dt)
         return self
 
     def _advance(self, dt: float) -> None:
-        """Newton for the common strain within a bracket: the force of the strip is monotone."""
+        """Solve for the in-plane strain by bracketed Newton: the force of the strip is monotone."""
         heat = temperature(self.x, self.time + dt)
         solid = [np.minimum(t - SOLIDUS, 0.0) for t in (self.heat, heat)]
         thermal = ALPHA * (solid[1] - solid[0])
@@ -125,7 +124,7 @@ class Strip:
         self.time += dt
 
     def _free_across(self, respond: object) -> tuple[Response, Array]:
-        """Strains across for no stress across; the response and d across / d along."""
+        """Solve for zero stress across; return the response and d(across) / d(along)."""
         assert callable(respond)
         for _ in range(60):
             found = respond()
@@ -146,8 +145,8 @@ def freezing(ratio: float = 1e-6) -> Solidity:
 
 
 @pytest.mark.parametrize(("cell", "error"), [(0.1e-3, 0.0015), (0.5e-3, 0.03)])
-def test_weiner_boley(cell: float, error: float) -> None:
-    """Root mean square over the shell at 5 s, of 20 MPa, with steps of 0.1 s."""
+def test_strip_has_the_stress_of_weiner_and_boley(cell: float, error: float) -> None:
+    """The rms error over the shell at 5 s, relative to 20 MPa, with steps of 0.1 s."""
     law = load_law("weiner_boley", Elasticity.constant(40e9, 0.3, freezing()))
     found = strip(law, cell).advance(0.1, 5.0)
     shell = found.x < FRONT * 2.0 * np.sqrt(DIFFUSIVITY * 5.0)
@@ -158,22 +157,21 @@ def test_weiner_boley(cell: float, error: float) -> None:
     assert np.abs(found.stress[~shell]).max() < 2e4  # the melt carries nothing
 
 
-def test_the_closed_form_is_the_published_one() -> None:
+def test_closed_form_has_the_published_values() -> None:
     x = np.array([1e-9, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) * 1e-3
     table = [-20.0, -17.0149, -2.0916, 11.1986, 8.4924, 5.9232, 3.5397, 1.3614]
     np.testing.assert_allclose(weiner_boley(x, 5.0), table, atol=2e-4)
 
 
 @pytest.mark.parametrize("name", ["norton_hoff_kozlowski", "kozlowski_zhu"])
-def test_shorter_steps_are_easier_and_agree(name: str) -> None:
-    """With real laws: fewer iterations a step the shorter it is, and stresses that converge."""
+def test_shorter_steps_need_fewer_iterations_and_agree(name: str) -> None:
     law = load_law(name, load_elasticity(solidity=freezing()), carbon=0.27)
     runs = [strip(law, 0.25e-3).advance(dt, 3.0) for dt in (0.3, 0.1, 0.0333333333333)]
     means = [np.mean(run.iterations) for run in runs]
     assert means[0] > means[1] > means[2] and means[2] < 3.5
     assert max(max(run.iterations) for run in runs) < 25
     x = runs[2].x
-    shell = (x > 1e-3) & (x < 5.5e-3)  # the surface remembers the shock of the start
+    shell = (x > 1e-3) & (x < 5.5e-3)  # the surface keeps stress from the sudden start
     gaps = [np.std(run.stress[shell, 1] - runs[2].stress[shell, 1]) for run in runs[:2]]
     assert gaps[1] < 0.6 * gaps[0] and gaps[1] < 0.3e6
 

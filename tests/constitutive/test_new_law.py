@@ -1,4 +1,4 @@
-"""What a new constitutive law costs: its class, and a branch of the kernel where it needs one."""
+"""A new constitutive law needs its class, and a branch of the kernel only for a new flow curve."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ PLASTIC = f'law = "perfectly_plastic", yield_stress = "{60 * math.exp(-0.4)!r} M
 
 @pytest.fixture
 def softened(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A law that only the test with this fixture has."""
+    """Register a law for the test that uses this fixture."""
     monkeypatch.setattr(RadialReturn, "laws", dict(RadialReturn.laws))
 
     @dataclass(frozen=True, slots=True)
     class Softened(RadialReturn):
-        """q <= level exp(-rate (T - 900 degC))."""
+        """Perfect plasticity: q <= level exp(-rate (T - 900 degC))."""
 
         level: Curve
         rate: float = 1e-3
@@ -72,8 +72,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "laws.md"
 
 
 @pytest.fixture
-def of_the_page(monkeypatch: pytest.MonkeyPatch) -> str:
-    """The law of docs/laws.md, declared as it stands there; its file."""
+def page_law_file(monkeypatch: pytest.MonkeyPatch) -> str:
+    """Register the law of docs/laws.md with the code of the page; return its parameter file."""
     monkeypatch.setattr(RadialReturn, "laws", dict(RadialReturn.laws))
     _, _, text = PAGE.read_text(encoding="utf-8").partition("### A law of your own")
     code, file = re.findall(r"^```(?:python|toml)\n(.*?)^```", text, re.M | re.S)[:2]
@@ -82,7 +82,7 @@ def of_the_page(monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def stress(folder: Path, law: str) -> Array:
-    """Stress over the run of the tensile test with this law, MPa."""
+    """Run the tensile test with this law; return the stress history, MPa."""
     path = folder / "test.toml"
     path.write_text(TEST.format(law=law))
     case = load_any(path)
@@ -93,16 +93,16 @@ def stress(folder: Path, law: str) -> Array:
 
 
 @pytest.mark.usefixtures("softened")
-def test_a_new_law_runs(tmp_path: Path) -> None:
-    """As the yield stress that it has at this temperature, and as its own closed form."""
+def test_new_law_runs(tmp_path: Path) -> None:
+    """The stress is that of perfect plasticity with the same yield stress, and the closed form."""
     found = stress(tmp_path, SOFTENED)
     assert found == pytest.approx(stress(tmp_path, PLASTIC), rel=1e-12)
     assert found[-1] == pytest.approx(60.0 * np.exp(-0.4), rel=1e-12)
 
 
-def test_the_law_of_the_page_runs(of_the_page: str, tmp_path: Path) -> None:
-    """At constant rate it comes to the stress of its closed form."""
-    (tmp_path / "my_law.toml").write_text(of_the_page)
+def test_law_of_the_page_runs(page_law_file: str, tmp_path: Path) -> None:
+    """At constant rate the stress tends to that of the closed form."""
+    (tmp_path / "my_law.toml").write_text(page_law_file)
     path = tmp_path / "test.toml"
     path.write_text(TEST.replace("{{ {law} }}", '"./my_law.toml"'))
     case = load_any(path)
@@ -114,10 +114,10 @@ def test_the_law_of_the_page_runs(of_the_page: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("softened")
-def test_columns_that_the_kernel_would_miss_are_refused(
+def test_missing_kernel_columns_are_rejected(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """It would read what lies behind them."""
+    """Without them the kernel would read beyond the columns of the law."""
     law = RadialReturn.laws["softened"]
     monkeypatch.setattr(law, "own_columns", RadialReturn.own_columns)
     with pytest.raises(TypeError, match=r"Softened.own_columns returns 0 columns, .* takes 1"):
@@ -125,7 +125,7 @@ def test_columns_that_the_kernel_would_miss_are_refused(
 
 
 @pytest.mark.usefixtures("softened")
-def test_a_new_law_is_checked(tmp_path: Path) -> None:
+def test_parameters_of_a_new_law_are_checked(tmp_path: Path) -> None:
     for law, words in (
         ('law = "softned", level = "60 MPa"', r'"softned"\) is not known.*did you mean "?softened'),
         ('law = "softened"', 'level: is missing; the stress, such as "20 MPa"'),
@@ -136,7 +136,7 @@ def test_a_new_law_is_checked(tmp_path: Path) -> None:
             stress(tmp_path, law)
 
 
-def test_numbers_and_words_that_have_no_default_are_asked_for(
+def test_parameters_without_default_are_required(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(RadialReturn, "laws", dict(RadialReturn.laws))
@@ -152,9 +152,9 @@ def test_numbers_and_words_that_have_no_default_are_asked_for(
         }
         words: ClassVar[Mapping[str, tuple[str, ...]]] = {"side": ("hot", "cold")}
 
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as caught:
         law_from({"law": "needing"}, load_elasticity(), "mine.toml")
-    assert told.value.problems == (
+    assert caught.value.problems == (
         'mine.toml: level: is missing; the stress, such as "20 MPa"',
         "mine.toml: side: is missing; hot, cold",
     )

@@ -20,7 +20,7 @@ PLANE_STRAIN = PlainPlanes(free=())
 
 
 class LineWall:
-    """A straight wall: a point of it, and the angle of its normal (rad), over the position."""
+    """A straight wall: one of its points and the angle of its normal (rad) over the position."""
 
     def __init__(self, point: Any, slope: Any = lambda z: 0.0, axis: int = 1) -> None:
         self.point, self.slope, self.axis = point, slope, axis
@@ -40,7 +40,7 @@ class LineWall:
 
 
 class ContourWall:
-    """A wall of the same segments at all positions."""
+    """A wall with the same segments at all positions."""
 
     def __init__(self, *segments: Any) -> None:
         self.contour = Contour(list(segments))
@@ -59,29 +59,30 @@ def tapered_block(
     cell: str = "quadrilateral",
     cells: int = 10,
     options: dict[str, Any] | None = None,
-    **given: Any,
+    **settings: Any,
 ) -> setups.SliceSetup:
-    """The elastic block: 20 mm square, 0.05 mm of a wall tapered by 0.04 mm pushed into it.
+    """Set up an elastic block of 20 x 20 mm into which a wall is pushed by 0.05 mm.
 
-    In units of length (m) and stress (Pa); `given` changes the contact.
+    The wall is tapered by 0.04 mm. Results are in multiples of `length` (m) and `stress` (Pa);
+    `settings` changes the contact.
     """
     width, push, taper = 20e-3 / length, 0.05e-3 / length, 0.04e-3 / length
-    # Rollers under the foot; sideways it is held in the middle of its top alone.
+    # Rollers under the foot; sideways only the middle of the top is fixed.
     groups = ("left", "symmetry_y", "right", "top")
     mesh = setups.mapped(cells, cells, setups.box(width, width), cell, groups=groups)
     angle = -np.arctan(taper / width)
     wall = LineWall(lambda z: np.array([0.0, width - push * z]), lambda z: angle)
-    contact = Contact(wall, ("top",), lambda time: time, method=method, **given)
+    contact = Contact(wall, ("top",), lambda time: time, method=method, **settings)
     return setups.SliceSetup(
         mesh,
         law=setups.elastic(40e9 / stress, 0.3),
-        given={"planes": PLANE_STRAIN, "interactions": (contact,)},
+        settings={"planes": PLANE_STRAIN, "interactions": (contact,)},
         options=options or {},
     )
 
 
 class TwoWalls:
-    """Two straight walls right of and above a corner, each turned a little."""
+    """Two straight walls to the right of and above a corner, rotated by a small angle."""
 
     def __init__(self, corner: tuple[float, float], turn: float) -> None:
         self.corner, self.turn = np.array(corner), turn
@@ -90,7 +91,7 @@ class TwoWalls:
         c, s = np.cos(self.turn), np.sin(self.turn)
         right = normals[:, 0] > normals[:, 1]
         n = np.where(right[:, None], [c, s], [-s, c])
-        # Through the middle of the side, so that half of it is behind.
+        # Through the middle of the side, so that half of the side penetrates the wall.
         foot = np.where(right[:, None], self.corner * [1.0, 0.5], self.corner * [0.5, 1.0])
         return GapFunction(
             np.einsum("ni,ni->n", foot - points, n) / np.einsum("ni,ni->n", n, normals), n
@@ -106,11 +107,14 @@ FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
 def drawn_block(
     mesh: SectionMesh, contact: Contact, pressure: float, free: tuple[str, ...], large: bool = False
 ) -> setups.SliceSetup:
-    """A block (groups left, foot, right, top) of 40 GPa, pressed on the wall it is drawn along."""
+    """Set up a block of 40 GPa (groups left, foot, right, top) pressed on a wall along the strand.
+
+    The strand is withdrawn along the wall, which gives axial friction.
+    """
     return setups.SliceSetup(
         mesh,
         setups.elastic(40e9, 0.0),
-        given={
+        settings={
             "planes": PlainPlanes(free),
             "held": (PrescribedDisplacement(("left",), 0),),
             "loads": (SurfacePressure(("top",), lambda t: pressure),),
@@ -130,14 +134,14 @@ def dragged_block(
     top: Callable[[float], float],
     shear: Callable[[float], float],
 ) -> setups.SliceSetup:
-    """A block (groups left, foot, right, top) pressed on a wall and drawn along it by its top.
+    """Set up a block (groups left, foot, right, top) pressed on a wall and dragged by its top.
 
-    Its sides carry `shear` (Pa) over time: without lateral contraction it is sheared evenly.
+    Its sides carry `shear` (Pa) over time: without lateral contraction the shear is uniform.
     """
     return setups.SliceSetup(
         mesh,
         law,
-        given={
+        settings={
             "planes": PLANE_STRAIN,
             "held": (PrescribedDisplacement(("top",), 0, lambda x, t: np.full(len(x), top(t))),),
             "loads": (

@@ -1,4 +1,4 @@
-"""A freezing billet in a mould: from the liquid on, with friction, on one rank and on several."""
+"""A solidifying billet in a mould: liquid at first, with friction, on one and several ranks."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 SPEED, HALF = 0.06, 0.0625
 
 
-def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any) -> CastSetup:
-    """A quarter billet in a tapered mould, not stepped yet."""
+def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **settings: Any) -> CastSetup:
+    """Set up a quarter billet in a tapered mould, without taking a step."""
     mesh = billet_mesh(
         corner_radius=5e-3, surface_size=2.5e-3, core_size=2e-2, face_size=1e-2, cell=cell, order=2
     )
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(taper, 0.6)))
-    slice_ = given.pop("slice", {})
-    contact = Contact(mould, ("wide", "narrow", "corner"), lambda t: SPEED * t, **given)
+    slice_ = settings.pop("slice", {})
+    contact = Contact(mould, ("wide", "narrow", "corner"), lambda t: SPEED * t, **settings)
     return CastSetup(mesh, comm, interactions=(contact,), **slice_)
 
 
@@ -39,16 +39,16 @@ def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any
     [("quadrilateral", "penalty", False), ("quadrilateral", "nitsche", False),
      ("triangle", "penalty", True)],
 )  # fmt: skip
-def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> None:
-    given: dict[str, Any] = {
+def test_results_are_independent_of_ranks(cell: str, method: str, large: bool) -> None:
+    settings: dict[str, Any] = {
         "method": method,
         "friction": Coulomb(0.2),
         "slice": {"large_strain": large},
     }
-    alone = cast(MPI.COMM_SELF, 0.01, cell, **given).advance(1.5, 0.25)
-    together = cast(MPI.COMM_WORLD, 0.01, cell, **given).advance(1.5, 0.25)
+    serial = cast(MPI.COMM_SELF, 0.01, cell, **settings).advance(1.5, 0.25)
+    parallel = cast(MPI.COMM_WORLD, 0.01, cell, **settings).advance(1.5, 0.25)
     states = []
-    for setup in (alone, together):
+    for setup in (serial, parallel):
         contact, state = setup.problem.contact, setup.state.contact
         states.append(
             (contact.arrays(state), summary(contact, state, setup.state.generalized_strains))
@@ -57,8 +57,8 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
     for name in ("force", "axial", "length", "pressure"):
         assert getattr(second, name) == pytest.approx(getattr(first, name), rel=1e-6)
     assert second.points == first.points
-    assert together.state.contact.withdrawal_resistance == pytest.approx(
-        alone.state.contact.withdrawal_resistance, rel=1e-6
+    assert parallel.state.contact.withdrawal_resistance == pytest.approx(
+        serial.state.contact.withdrawal_resistance, rel=1e-6
     )
     if MPI.COMM_WORLD.rank == 0:
         for name in ("contact_place", "contact_status", "contact_gap", "contact_friction"):
@@ -67,12 +67,12 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
 
 
 @pytest.mark.mpi
-def test_checkpoint_gives_the_state_back() -> None:
+def test_checkpoint_restores_the_state() -> None:
     setup = cast(MPI.COMM_WORLD, 0.01, method="nitsche", friction=Coulomb(0.2)).advance(0.5, 0.25)
     contact, state = setup.problem.contact, setup.state.contact
     checkpoint = ContactCheckpoint(contact.facets)
     arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in checkpoint.arrays(state).items()}
-    back = checkpoint.state(arrays, contact.initial())
+    restored = checkpoint.state(arrays, contact.initial())
     for name in (
         "friction",
         "withdrawal_resistance",
@@ -83,14 +83,14 @@ def test_checkpoint_gives_the_state_back() -> None:
         "pressure",
         "status",
     ):
-        assert np.array_equal(getattr(back, name), getattr(state, name)), name
-        assert getattr(back, name).dtype == getattr(state, name).dtype
+        assert np.array_equal(getattr(restored, name), getattr(state, name)), name
+        assert getattr(restored, name).dtype == getattr(state, name).dtype
 
 
 @pytest.mark.parametrize("method", ["penalty", "nitsche"])
 @pytest.mark.parametrize("outside", ["held", "free"])
-def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
-    """Before a shell has formed the mould carries the ferrostatic pressure, whoever holds it."""
+def test_liquid_presses_on_the_wall(method: str, outside: str) -> None:
+    """Without a shell the mould carries the ferrostatic pressure unless liquid is held outside."""
     setup = cast(
         MPI.COMM_SELF,
         0.0,
@@ -108,13 +108,13 @@ def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
     head = 7000.0 * 9.81 * SPEED * 0.5
     carried = head if outside == "free" else 0.0
     assert found.pressure == pytest.approx(carried, rel=0.03, abs=1e-6 * head)
-    # With the penalty the wall gives way, and the liquid's stand-in stiffness takes a little.
+    # With the penalty the wall is compliant, and the stiffness of the liquid carries a little.
     rel = 1e-5 if method == "nitsche" else 0.02
     assert -found.force == pytest.approx([carried * HALF] * 2, rel=rel, abs=1e-6 * head)
 
 
-def test_contact_lost_first_at_the_corner() -> None:
-    """Two seconds through freezing and shrinking, without a cut."""
+def test_gap_opens_first_at_the_corner() -> None:
+    """Two seconds of solidification and contraction, without a reduced step."""
     setup = cast(MPI.COMM_SELF, 0.0)
     gaps = SurfaceGap(setup.problem.contact)
     setup.advance(2.0, 0.25)

@@ -1,4 +1,4 @@
-"""Friction: laws and return mapping, a block that sticks, slides and turns, axial friction.
+"""Friction: laws and return mapping, a block that sticks, slides and reverses, axial friction.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -32,9 +32,9 @@ LAWS: dict[str, Any] = {
 
 
 class Spring:
-    """Shear of the block against a foot that slides at a threshold: an elastic-plastic spring.
+    """Shear of a block whose foot slides at a threshold: an elastic-plastic spring.
 
-    The top goes to and fro, 2.7 times as far as it takes to slide.
+    The top moves back and forth by 2.7 times the displacement at which sliding begins.
     """
 
     def __init__(self, threshold: float) -> None:
@@ -43,11 +43,11 @@ class Spring:
         self.history = [(0.0, 0.0)]
 
     def sweep(self, time: float) -> float:
-        """Displacement of the top, m."""
+        """Return the displacement of the top, m."""
         return self.reach * float(np.interp(time, [0, 1, 3, 4], [0, 1, -1, 0]))
 
     def __call__(self, time: float) -> float:
-        """Shear stress at `time`, which only grows from call to call."""
+        """Return the shear stress at `time`, which may only increase from call to call."""
         last, stress = self.history[-1]
         if time > last:
             trial = stress + (self.sweep(time) - self.sweep(last)) / self.compliance
@@ -57,7 +57,7 @@ class Spring:
 
 
 def sliding_block(law: Any, method: str, cell: str, spring: Spring, factor: float) -> SliceSetup:
-    """A block pressed on a wall; its top is moved sideways, its sides carry the shear of it."""
+    """Set up a block pressed on a wall with its top moved sideways; its sides carry the shear."""
     groups = ("left", "foot", "right", "top")
     contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=factor)  # type: ignore
     mesh = mapped(3, 2, skewed(WIDTH, HEIGHT, 0.05), cell, groups=groups)
@@ -65,19 +65,19 @@ def sliding_block(law: Any, method: str, cell: str, spring: Spring, factor: floa
 
 
 @pytest.mark.parametrize(
-    ("cell", "method", "law"),  # every law by each method and on each cell
+    ("cell", "method", "law"),  # every law with each method and on each cell
     [
         (CELLS[(i + j) % len(CELLS)], method, law)
         for i, law in enumerate(LAWS)
         for j, method in enumerate(METHODS)
     ],
 )
-def test_stick_slip_and_back(cell: str, method: str, law: str) -> None:
-    """Sticks, slides, sticks on the way back, slides the other way: exact at every step."""
+def test_stick_and_slip_of_a_reversed_block_are_exact(cell: str, method: str, law: str) -> None:
+    """The block sticks, slides, sticks after the reversal and slides back: exact at every step."""
     friction, threshold = LAWS[law]
     spring = Spring(threshold)
     setup = sliding_block(friction, method, cell, spring, 100.0)
-    # Before it slides, the contact gives way by tau / K_tau (240).
+    # While it sticks, the contact has the compliance 1 / K_tau (240).
     setup.problem.begin(setup.state, 1.0, setup.state.temperature)
     spring.compliance += 1.0 / setup.problem.contact.stiffness[0]
     spring.history = [(0.0, 0.0)]
@@ -98,7 +98,7 @@ def test_stick_slip_and_back(cell: str, method: str, law: str) -> None:
 def pulled_block(
     method: str, cell: str, free: tuple[str, ...], speed: float, large: bool = False
 ) -> SliceSetup:
-    """A block pressed on the wall it is drawn along."""
+    """Set up a block pressed on the wall along which it is withdrawn."""
     contact = Contact(FOOT, ("foot",), lambda t: speed * t, friction=Coulomb(MU), method=method)  # type: ignore
     groups = ("left", "foot", "right", "top")
     mesh = mapped(2, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=groups)
@@ -107,8 +107,10 @@ def pulled_block(
 
 @pytest.mark.parametrize(("method", "cell"), zip(METHODS, CELLS, strict=True))
 @pytest.mark.parametrize("free", [("a0",), ("a0", "a2")])
-def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> None:
-    """The strand carries what friction has held back so far (38): N = mu p W z."""
+def test_axial_force_is_the_accumulated_friction(
+    method: str, cell: str, free: tuple[str, ...]
+) -> None:
+    """The strand carries the friction accumulated so far (38): N = mu p W z."""
     speed = 1e-2
     setup = pulled_block(method, cell, free, speed)
     for time in (0.5, 1.0, 2.0):
@@ -121,7 +123,7 @@ def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> 
         assert result.balance.axial_error < 1e-9
         found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
         assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=1e-7)
-        # With a2 free the pull acts where it comes from, at the foot.
+        # With a2 free the pull acts at the foot, where friction acts.
         y = setup.places[:, 1]
         strain = force / (YOUNG * WIDTH * HEIGHT) * np.ones_like(y)
         if "a2" in free:
@@ -130,22 +132,22 @@ def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> 
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_strand_drawn_thick_by_its_friction(method: str) -> None:
-    """At large strain: the pull is that of the length cast, however thick the slice has become.
+def test_pull_is_that_of_the_length_cast_at_large_strain(method: str) -> None:
+    """The pull does not depend on the stretch of the slice.
 
-    Without lateral contraction N = E ln(e) W H.  What the wall and the load above press on is the
-    deformed slice, e times as thick.
+    Without lateral contraction N = E ln(e) W H at the stretch e. Wall and load press on the
+    deformed slice, which is e times as thick.
     """
     steps, thickness = 20, 1.1
     force = YOUNG * np.log(thickness) * WIDTH * HEIGHT
     setup = pulled_block(method, "quadrilateral", ("a0",), force / (MU * PRESSURE * WIDTH), True)
     for time in np.arange(1, steps + 1) / steps:
         balance = setup.step(time).balance
-    # Not exact, for the foot and the pressed height of the block are those of the deformed slice.
+    # Not exact: width of the foot and height of the block are those of the deformed slice.
     pressed = 3.0 * PRESSURE / YOUNG
     assert setup.state.contact.withdrawal_resistance[0] == pytest.approx(force, rel=pressed)
     assert balance.axial[0] == pytest.approx(setup.state.contact.withdrawal_resistance[0], rel=1e-8)
-    # The midpoint rule's logarithm: off by (step of strain)^2 / 12.
+    # The logarithm by the midpoint rule has the error (strain of a step)^2 / 12.
     strain = np.log(thickness)
     assert setup.state.generalized_strains[0] == pytest.approx(
         thickness - 1.0, rel=(strain / steps) ** 2 + pressed
@@ -157,8 +159,8 @@ def test_a_strand_drawn_thick_by_its_friction(method: str) -> None:
     )
 
 
-def test_slip_along_the_strand_takes_the_friction_with_it() -> None:
-    """Friction points against the slip: the longer the travel, the less is left in the plane."""
+def test_axial_slip_reduces_in_plane_friction() -> None:
+    """Friction is opposite to the slip, so a longer axial travel leaves less in the plane."""
     spring = Spring(1e-3)
     spring.reach = 1e-6
     setup = sliding_block(Coulomb(MU), "penalty", "quadrilateral", spring, 1e3)
@@ -168,12 +170,12 @@ def test_slip_along_the_strand_takes_the_friction_with_it() -> None:
     setup.step(1.0)
     state = setup.state.contact
     assert np.hypot(*state.friction.T) == pytest.approx(MU * state.pressure, rel=1e-10)
-    # In the plane the foot follows the top, 5e-7 m; along the strand it goes 5e-5 m.
+    # In the plane the foot follows the top, 5e-7 m; along the strand it moves 5e-5 m.
     assert state.friction[:, 0] / state.friction[:, 1] == pytest.approx(0.01, rel=0.1)
 
 
 @pytest.mark.parametrize("law", [Viscous(Tresca(0.3, P0), 0.5, P0, 1e-3, 0.4), Lubricant(1e7, 0.3)])
-def test_viscous_return(law: Any) -> None:
+def test_viscous_return_satisfies_the_law(law: Any) -> None:
     """|tau| = tau_c + excess(slip rate), in the direction of the trial friction."""
     rng = np.random.default_rng(3)
     trial, stiffness, dt = rng.normal(size=(200, 2)) * 1e7, np.full(200, 1e13), 0.1
@@ -181,12 +183,12 @@ def test_viscous_return(law: Any) -> None:
     found = return_friction(law, trial, pressure, stiffness, dt)
     size, before = np.hypot(*found.traction.T), np.hypot(*trial.T)
     limit = law.threshold(pressure)[0]
-    slides, off = found.slides, pressure == 0.0
-    assert slides.any() and not found.traction[off].any() and not slides[off].any()
+    slides, unloaded = found.slides, pressure == 0.0
+    assert slides.any() and not found.traction[unloaded].any() and not slides[unloaded].any()
     rate = (before - size) / (stiffness * dt)
     excess = law.excess(rate)[0]
     assert size[slides] == pytest.approx((limit + excess)[slides], rel=1e-9)
-    sticks = ~slides & ~off
+    sticks = ~slides & ~unloaded
     assert found.traction[sticks] == pytest.approx(trial[sticks])
     cross = found.traction[:, 0] * trial[:, 1] - found.traction[:, 1] * trial[:, 0]
     assert np.abs(cross).max() < 1e-9 * (before**2).max()
@@ -197,10 +199,8 @@ def test_viscous_return(law: Any) -> None:
     [Lubricant(1e5, n) for n in (0.0, 0.02, 8.0)]
     + [Viscous(Coulomb(0.3), share, P0, 0.06, n) for share in (0.01, 3.0) for n in (0.1, 4.0)],
 )
-def test_the_root_of_viscous_friction_is_found_in_a_few_steps(
-    law: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As the halving of a bracket finds it, over many orders of slip, threshold and stiffness."""
+def test_viscous_friction_is_solved_in_few_steps(law: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bisection gives the same root over many orders of slip, threshold and stiffness."""
     rng = np.random.default_rng(5)
     limit, more, stiffness = (10.0 ** rng.uniform(*r, 2000) for r in ((0, 7), (-9, 4), (4, 14)))
     size, counts = limit * (1.0 + more), []
@@ -221,7 +221,7 @@ def test_the_root_of_viscous_friction_is_found_in_a_few_steps(
     assert found == pytest.approx(0.5 * (low + high), rel=1e-12)
 
 
-def test_derivatives_of_the_return() -> None:
+def test_derivatives_of_the_return_match_differences() -> None:
     rng = np.random.default_rng(4)
     trial, pressure = rng.normal(size=(50, 2)) * 3e6, 10.0 ** rng.uniform(3.0, 7.0, 50)
     stiffness = np.full(50, 1e13)
@@ -251,14 +251,14 @@ def test_derivatives_of_the_return() -> None:
         Lubricant(1e8, 0.3),
     ],
 )
-def test_friction_begins_with_the_pressure(law: Any) -> None:
-    """Nothing jumps where contact begins, and the slope there is finite."""
+def test_friction_begins_continuously_with_the_pressure(law: Any) -> None:
+    """Friction has neither a jump nor an infinite slope at the onset of contact."""
     pressure, ones = 10.0 ** np.arange(-3.0, 9.0), np.ones(12)
     trial = np.column_stack([1e9 * ones, 0.0 * ones])
     found = return_friction(law, trial, pressure, 1e13 * ones, 0.1).traction[:, 0]
     steps = np.diff(found) / np.diff(pressure)
     assert np.all(steps >= 0.0) and np.all(steps <= 2.0 + 1e-9)
-    # Only where the pressure is low: beyond, the law is what it says.
+    # The cap acts at low pressure only.
     limit = law.threshold(pressure)[0][-1]
     excess = law.excess(np.array([(1e9 - found[-1]) / 1e12]))
     assert found[-1] == pytest.approx(limit + (0.0 if excess is None else excess[0][0]), rel=1e-9)
@@ -267,6 +267,6 @@ def test_friction_begins_with_the_pressure(law: Any) -> None:
 @pytest.mark.parametrize(
     "make", [lambda: Coulomb(-0.1), lambda: Tresca(1.5, 1e6), lambda: Lubricant(np.nan, 1.0)]
 )
-def test_impossible_numbers_are_refused(make: Any) -> None:
+def test_invalid_parameters_are_rejected(make: Any) -> None:
     with pytest.raises(ValueError, match="friction"):
         make()

@@ -1,4 +1,4 @@
-"""Gap: a tapered wall and a block that shrinks away from it; vertices; small and large strain."""
+"""The gap between a tapered wall and a contracting block, also at vertices and large strain."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TAPER, SPEED = 1e-3, 0.02  # of the half width per length of mould; m/s
 
 
 def free_half(time: float, large: bool) -> float:
-    """Half width of the free block, m: it shrinks slowly first, then faster than the taper."""
+    """Return the half width of the free block, m: finally it contracts faster than the taper."""
     strain = -ALPHA * 4.0 * time**2
     return HALF * float(np.exp(strain) if large else 1.0 + strain)
 
@@ -43,7 +43,7 @@ def wall_at(time: float) -> float:
 
 
 def pressure_at(time: float, large: bool, stiffness: float) -> float:
-    """Pressure of a wall that gives way by p / stiffness."""
+    """Return the contact pressure at a wall with the compliance 1 / stiffness, Pa."""
     free, pressure = free_half(time, large), 0.0
     for _ in range(60):
         place = wall_at(time) + pressure / stiffness
@@ -53,7 +53,7 @@ def pressure_at(time: float, large: bool, stiffness: float) -> float:
 
 
 def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
-    """A quarter block that cools evenly between two walls that close in."""
+    """Set up a quarter block that cools uniformly between two converging walls."""
     wall = LineWall(lambda z: np.array([HALF - TAPER * z, 0.0]), axis=0)
     contact = Contact(wall, ("right",), lambda t: SPEED * t, method=method)  # type: ignore
     return SliceSetup(
@@ -62,27 +62,33 @@ def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
         expansion(ALPHA),
         tolerance=1e-11,
         start=1000.0,
-        given={"planes": PlainPlanes(("a0",)), "interactions": (contact,), "large_strain": large},
+        settings={
+            "planes": PlainPlanes(("a0",)),
+            "interactions": (contact,),
+            "large_strain": large,
+        },
     )
 
 
-# At large strain one method on each of the cells.
+# At large strain one method for each cell shape.
 @pytest.mark.parametrize(
     ("method", "cell", "large"),
     [(m, c, large) for m in METHODS for c in CELLS for large in (False, True)
      if not large or (m, c) in zip(METHODS, CELLS, strict=True)],
 )  # fmt: skip
-def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -> None:
-    """Pressure while the taper is ahead, then a gap; both exact, and so the moment between."""
+def test_pressure_and_gap_of_a_contracting_block_are_exact(
+    method: str, cell: str, large: bool
+) -> None:
+    """Contact pressure, later the gap and the time of its opening are exact."""
     setup = shrinking_block(method, cell, large)
     gaps = SurfaceGap(setup.problem.contact)
-    lost = brentq(lambda t: free_half(t, large) - wall_at(t), 5.0, 15.0)
+    opening = brentq(lambda t: free_half(t, large) - wall_at(t), 5.0, 15.0)
     rel = 1e-5 if large else 1e-8
-    for time in (2.0, 5.0, 9.0, lost * (1 - 1e-4), lost * (1 + 1e-4), 12.0, 15.0):
+    for time in (2.0, 5.0, 9.0, opening * (1 - 1e-4), opening * (1 + 1e-4), 12.0, 15.0):
         setup.step(time, 1000.0 - 4.0 * time**2)
         state = setup.state.contact
         found = summary(setup.problem.contact, state, setup.state.generalized_strains)
-        if time < lost:
+        if time < opening:
             stiffness = setup.problem.contact.stiffness[0] if method == "penalty" else np.inf
             near = 1e-6 * YOUNG * ALPHA if large else 0.0
             pressure = pressure_at(time, large, stiffness)
@@ -100,15 +106,15 @@ def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("below", [1e-4, 1e-2, 1.0])
-def test_wall_is_as_stiff_when_the_surface_freezes(method: str, below: float) -> None:
-    """However late in a step the surface freezes, the wall is that of a solid at its end."""
+def test_contact_stiffness_is_that_of_the_frozen_surface(method: str, below: float) -> None:
+    """At any time of freezing within a step the stiffness is that of the solid at its end."""
     elasticity = Elasticity.constant(YOUNG, POISSON, Solidity.between(1000.0, 1050.0))
     wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
     setup = SliceSetup(
         mapped(3, 3, box(HALF, HALF), groups=("symmetry_x", "foot", "right", "top")),
         ThermoElastic(elasticity),
         start=1010.0,
-        given={
+        settings={
             "planes": PlainPlanes(("a0",)),
             "interactions": (Contact(wall, ("foot",), method=method),),  # type: ignore[arg-type]
             "loads": (SurfacePressure(("top",), lambda t: 1e4),),
@@ -121,14 +127,14 @@ def test_wall_is_as_stiff_when_the_surface_freezes(method: str, below: float) ->
     bulk = YOUNG / (3.0 * (1.0 - 2.0 * POISSON))
     assert contact.stiffness == pytest.approx(contact.contact.strength * bulk * 3.0 / HALF)
     assert state.pressure == pytest.approx(1e4, rel=1e-6)
-    give = 1e4 / contact.stiffness[0] if method == "penalty" else 0.0
-    assert state.gap == pytest.approx(-give, rel=1e-6, abs=1e-16)
+    penetration = 1e4 / contact.stiffness[0] if method == "penalty" else 0.0
+    assert state.gap == pytest.approx(-penetration, rel=1e-6, abs=1e-16)
 
 
-def round_billet_that_shrinks(size: float) -> tuple[Array, Array, Array]:
-    """Gap at rest, relative error of the gap after shrinking by 2 %, and where on the arc (n,).
+def contracted_billet(size: float) -> tuple[Array, Array, Array]:
+    """Return the gap at rest, the relative error of the gap after contraction, and the place (n,).
 
-    That is 1 in the middle of the arc and 0 on the faces, its ends included.
+    The place is 1 in the middle of the corner arc and 0 on the faces and the ends of the arc.
     """
     from mechanics.casting import billet_mesh
 
@@ -137,32 +143,32 @@ def round_billet_that_shrinks(size: float) -> tuple[Array, Array, Array]:
     outer = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
     contact = Contact(mould, outer)
     setup = SliceSetup(
-        mesh, elastic(), expansion(ALPHA), start=1500.0, given={"interactions": (contact,)}
+        mesh, elastic(), expansion(ALPHA), start=1500.0, settings={"interactions": (contact,)}
     )
     gaps = SurfaceGap(setup.problem.contact)
-    assert not len(gaps.corners)  # no vertex of an arc faces two walls
+    assert not len(gaps.corners)  # on an arc no vertex is opposite to two walls
     places = setup.vertices[gaps.dofs]
     assert len(places) == len(np.unique(mesh.facets[np.isin(mesh.facet_group, [
         i for i, g in enumerate(mesh.groups) if g in outer])]))  # fmt: skip
     rest = gaps.at(setup.state)
     setup.step(1.0, 500.0)
-    # Shrunk towards the centre, each vertex faces the wall as it did.
+    # Contracted towards the centre, each vertex keeps its normal.
     normal = np.maximum(places - 0.0575, 0.0)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    met = contact.wall.gap_function(places * (1.0 - ALPHA * 1000.0), normal, 0.0)
-    exact = np.asarray(met.gap) * np.einsum("ni,ni->n", met.normal, normal)
+    to_wall = contact.wall.gap_function(places * (1.0 - ALPHA * 1000.0), normal, 0.0)
+    exact = np.asarray(to_wall.gap) * np.einsum("ni,ni->n", to_wall.normal, normal)
     return rest, gaps.at(setup.state) / exact - 1.0, np.minimum(*normal.T) * np.sqrt(2.0)
 
 
-def test_vertices_of_a_billet() -> None:
-    """All around a quarter billet: exact on its faces, by the square of the cells on the arc."""
-    coarse, fine = (round_billet_that_shrinks(size) for size in (2e-3, 1e-3))
+def test_gap_at_the_vertices_of_a_billet_converges() -> None:
+    """The gap is exact on the faces of a quarter billet, and of second order on the arc."""
+    coarse, fine = (contracted_billet(size) for size in (2e-3, 1e-3))
     for _, error, arc in (coarse, fine):
-        # The ends of the arc have their share of it.
+        # The ends of the arc have a part of its error.
         flat = (arc < 1e-6) & (np.abs(error) < 1e-6)
         assert np.count_nonzero((arc < 1e-6) & ~flat) == 2
         assert np.abs(error).max() < 0.02
-    # The mesh has a parabola where the mould has an arc: fourth order.
+    # The mesh approximates the arc of the mould by parabolas: fourth order.
     rest = [np.abs(at_rest).max() for at_rest, _, _ in (coarse, fine)]
     assert rest[0] < 3e-7 and rest[1] < rest[0] / 14.0
     inside = [np.abs(error[arc > 1e-6]).max() for _, error, arc in (coarse, fine)]
@@ -170,7 +176,7 @@ def test_vertices_of_a_billet() -> None:
 
 
 def moved_by(setup: SliceSetup, moved: Callable[[Array], Array]) -> MechanicalState:
-    """The state whose nodes have moved by a function of (2, n)."""
+    """Return the state with nodes displaced by a function of their positions (2, n)."""
     field = fem.Function(setup.problem.space)
     field.interpolate(lambda x: moved(x[:2]))
     return replace(setup.state, displacement=field.x.array, generalized_strains=np.zeros(4))
@@ -178,41 +184,41 @@ def moved_by(setup: SliceSetup, moved: Callable[[Array], Array]) -> MechanicalSt
 
 @pytest.mark.parametrize("large", [False, True])
 @pytest.mark.parametrize("cell", CELLS)
-def test_shape_that_the_wall_does_not_meet(cell: str, large: bool) -> None:
-    """Facets out at their ends and in between touch the wall: heat crosses no gap there."""
+def test_waviness_of_facets_leaves_the_mean_gap(cell: str, large: bool) -> None:
+    """A displacement of zero mean and slope over each facet does not change the gap."""
     wall = LineWall(lambda z: np.array([HALF, 0.0]), axis=0)
     setup = SliceSetup(
         mapped(3, 3, box(HALF, HALF), cell),
         elastic(),
-        given={"interactions": (Contact(wall, ("right",)),), "large_strain": large},
+        settings={"interactions": (Contact(wall, ("right",)),), "large_strain": large},
     )
     depth, off = 2e-5, 1e-4
     side = 2.0 * np.pi * 3.0 / HALF
 
     def wavy(x: Array) -> Array:
-        # At the ends of a facet 1, in its middle -1/2: no mean, and no slope, over the facet.
+        # 1 at the ends of a facet and -1/2 in its middle: zero mean and slope over the facet.
         wave = 0.25 + 0.75 * np.cos(side * x[1])
         return np.stack([-depth * wave - off * (x[0] > 0.0), np.zeros(x.shape[1])])
 
-    # At large strain the surface turns as it waves.
+    # At large strain the surface also rotates locally.
     gap = SurfaceGap(setup.problem.contact).at(moved_by(setup, wavy))
     assert gap == pytest.approx(off, abs=(1e-3 if large else 1e-9) * depth)
 
 
 def sharp_corner(*off: float) -> tuple[SliceSetup, SurfaceGap, MechanicalState]:
-    """A rectangle between two walls that it is off by so much, right of it and above."""
+    """Set up a rectangle with the gaps `off` to walls on its right and above, m."""
     mould = Mould(RectangleCavity(0.4, 0.2, 0.0), 0.6, same(Taper.single(0.0, 0.6)))
     setup = SliceSetup(
         mapped(2, 2, box(0.2, 0.1)),
         elastic(),
-        given={"interactions": (Contact(mould, ("right", "top")),)},
+        settings={"interactions": (Contact(mould, ("right", "top")),)},
     )
     moved = moved_by(setup, lambda x: -np.broadcast_to(np.array(off)[:, None], x.shape))
     return setup, SurfaceGap(setup.problem.contact), moved
 
 
-def test_sharp_corner_between_two_walls() -> None:
-    """The corner of a rectangle that is off its two walls by different gaps has their mean."""
+def test_gap_of_a_sharp_corner_is_the_mean_of_both() -> None:
+    """The mean is weighted by the lengths of the adjacent facets."""
     off = (3e-4, 1e-4)
     setup, gaps, moved = sharp_corner(*off)
     gap = gaps.at(moved)
@@ -223,8 +229,8 @@ def test_sharp_corner_between_two_walls() -> None:
     assert gap[right & top] == pytest.approx((off[0] + 2.0 * off[1]) / 3.0, rel=1e-9)
 
 
-def test_heat_crosses_both_gaps_of_a_sharp_corner() -> None:
-    """Each over its part of the surface, whichever way the section lies; an arc has one gap."""
+def test_heat_flows_across_both_gaps_of_a_sharp_corner() -> None:
+    """Each gap counts for its part of the surface."""
     setup, gaps, moved = sharp_corner(2e-3, 0.0)
     crossed = gaps.crossed(moved)
     (corner,) = gaps.corners
@@ -241,14 +247,14 @@ def test_heat_crosses_both_gaps_of_a_sharp_corner() -> None:
     exact = 2.0 / 3.0 * h + 1.0 / 3.0 / (1.0 / h + 2e-3 / k)
     assert flux == pytest.approx(exact * excess, rel=1e-9)
     assert slope == pytest.approx(exact, rel=1e-9)
-    # What would cross their mean is a fifth of that.
+    # The mean gap would give less than a quarter of that flux.
     mean = gaps.at(moved)[np.searchsorted(gaps.dofs, corner)]
     assert mean == pytest.approx(2e-3 / 3.0, rel=1e-9)
     assert law.across(np.array([mean])).flux(np.array([1400.0]), 0.0)[0] < 0.25 * flux
 
 
-def test_no_wall_below_the_mould() -> None:
-    """Past the end of the mould the gap is infinite, and nothing is in contact."""
+def test_below_the_mould_there_is_no_contact() -> None:
+    """Below the exit of the mould the gap is infinite."""
     from mechanics.casting import billet_mesh
 
     mesh = billet_mesh(corner_radius=5e-3, surface_size=4e-3, core_size=2e-2, order=2)
@@ -257,7 +263,7 @@ def test_no_wall_below_the_mould() -> None:
     setup = SliceSetup(
         mesh,
         elastic(40e9),
-        given={"interactions": (Contact(**contact, position=lambda t: 0.1 * t),)},
+        settings={"interactions": (Contact(**contact, position=lambda t: 0.1 * t),)},
     )
     setup.step(5.0)
     inside = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)

@@ -1,4 +1,4 @@
-"""Hertz: a cylinder on a rigid flat, against the closed form, with the order in the mesh."""
+"""Hertz contact of a cylinder on a rigid plane: closed form and order in the mesh."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ STIFF = YOUNG / (1 - POISSON**2)
 
 
 def graded(share: Array, finest: float) -> Array:
-    """0 ... 1 in steps that grow from `finest` times their mean."""
+    """Map 0 to 1 so that the steps grow, the first being `finest` times the last."""
     c = -np.log(finest)
     return np.asarray(np.expm1(c * share) / np.expm1(c))
 
 
 def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]) -> SliceSetup:
-    """The foot of a cylinder, half of it, pushed onto a flat to a depth over time."""
+    """Set up half of the foot of a cylinder, pushed onto a plane to a depth over time."""
 
     def shape(s: Array, t: Array) -> tuple[Array, Array]:
         x, up = SIZE * graded(s, 0.1), graded(t, 0.1)
@@ -40,7 +40,7 @@ def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]
     return SliceSetup(
         mapped(cells, cells, shape, cell, order=2, groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PLANE_STRAIN,
             "held": (PrescribedDisplacement(("top",), 1, lambda x, t: np.full(len(x), -depth(t))),),
             "pin": False,
@@ -49,8 +49,8 @@ def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]
     )
 
 
-def against_hertz(state: ContactState, force: float) -> tuple[float, float, float]:
-    """Error of the pressure (L2), of its peak, and of the width in contact, all relative."""
+def hertz_errors(state: ContactState, force: float) -> tuple[float, float, float]:
+    """Return the relative errors of the pressure (L2), of its peak and of the contact width."""
     half = np.sqrt(4 * force * RADIUS / (np.pi * STIFF))
     peak = 2 * force / (np.pi * half)
     x = state.place[:, 0]
@@ -58,14 +58,14 @@ def against_hertz(state: ContactState, force: float) -> tuple[float, float, floa
     error = np.sqrt(state.weight @ (state.pressure - exact) ** 2 / (state.weight @ exact**2))
     order = np.argsort(x)
     width = state.weight[state.pressure > 0].sum()
-    # The peak from a parabola through the pressures near the middle: p^2 is linear in x^2.
+    # The peak by a fit of the pressures near the middle: p^2 is linear in x^2.
     inner = order[: max(4, int((x < 0.5 * half).sum()))]
     fit = np.polyfit((x[inner] / half) ** 2, (state.pressure[inner] / peak) ** 2, 1)
     return float(error), float(np.sqrt(fit[1]) - 1), float(width / half - 1)
 
 
 def mean_errors(cells: int, method: str, cell: str) -> Array:
-    """Root mean square of the errors over loads: where in a cell contact ends is chance."""
+    """Return the rms errors over several loads, as the end of contact within a cell varies."""
     setup, found = cylinder(cells, method, cell, lambda t: 16e-6 * t), []
     for time in np.linspace(0.4, 1.0, 5):
         setup.step(time)
@@ -75,7 +75,7 @@ def mean_errors(cells: int, method: str, cell: str) -> Array:
                 setup.problem.contact, setup.state.contact, setup.state.generalized_strains
             ).force[1]
         )
-        found.append(against_hertz(setup.state.contact, force))
+        found.append(hertz_errors(setup.state.contact, force))
     return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 
 
@@ -83,18 +83,18 @@ def mean_errors(cells: int, method: str, cell: str) -> Array:
     ("method", "cell"),
     [(m, c) for m in ("penalty", "nitsche") for c in ("quadrilateral", "triangle")],
 )
-def test_cylinder_on_a_flat(method: str, cell: str) -> None:
+def test_cylinder_on_a_plane_converges_to_hertz(method: str, cell: str) -> None:
     errors = np.array([mean_errors(cells, method, cell) for cells in (12, 48)])
     order = np.log2(errors[0] / errors[1]) / 2
-    # The pressure falls to zero like a root where contact ends: first order is all there is.
+    # The pressure falls to zero like a square root at the end of contact, so the order is 1.
     assert order[0] > 0.7 and order[2] > 0.7
     assert errors[1] == pytest.approx([0.0, 0.0, 0.0], abs=0.04)
     assert errors[1, 1] < (6e-3 if method == "penalty" else 1e-3)
 
 
 @pytest.mark.parametrize("method", ["penalty", "nitsche"])
-def test_one_load_in_numbers(method: str) -> None:
-    """1000 N/mm: 0.761 mm of half width and 836.4 MPa in the middle."""
+def test_cylinder_has_the_hertz_values_at_a_load(method: str) -> None:
+    """1000 N/mm give a half width of 0.761 mm and a peak of 836.4 MPa."""
     load, half, peak = 1e6, 0.761133e-3, 836.410e6
     depths, forces = [0.0, 11.4e-6], [0.0]
     setup = cylinder(48, method, "quadrilateral", lambda t: depths[-1])
@@ -108,5 +108,5 @@ def test_one_load_in_numbers(method: str) -> None:
     state = setup.state.contact
     assert state.weight[state.pressure > 0.0].sum() == pytest.approx(half, rel=0.02)
     assert state.pressure.max() == pytest.approx(peak, rel=5e-3)
-    # The peak of a parabola through the middle, as above.
-    assert abs(against_hertz(state, load)[1]) < (6e-3 if method == "penalty" else 1e-3)
+    # The fitted peak, as above.
+    assert abs(hertz_errors(state, load)[1]) < (6e-3 if method == "penalty" else 1e-3)

@@ -1,4 +1,4 @@
-"""Contact by the chain rule, against differences of contact that is met anew."""
+"""Linearised contact, compared with differences of contact evaluated at moved states."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from contact.test_tangent import at_a_round_wall, touching
 SIZE = 2e-5
 
 
-def begun(setup: SliceSetup) -> Array:
-    """A random state in the second of two steps; returns its unknowns."""
+def begin_second_step(setup: SliceSetup) -> Array:
+    """Begin the second of two steps at a random state; return its unknowns."""
     problem, rng = setup.problem, np.random.default_rng(1)
     count = problem.owned + problem.free
     heat = setup.field(lambda x, y: 100 + 1000 * x)
@@ -29,7 +29,7 @@ def begun(setup: SliceSetup) -> Array:
 
 
 def residual(setup: SliceSetup, local: Array) -> tuple[Array, Array]:
-    """Forces of contact alone (owned,), and their work on each generalized strain (4,)."""
+    """Return the forces of contact only (owned,), and their work on generalized strains (4,)."""
     problem = setup.problem
     vector = problem.solver.x.duplicate()
     vector.setArray(local)
@@ -41,10 +41,10 @@ def residual(setup: SliceSetup, local: Array) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("friction", ["none", "coulomb", "viscous", "lubricant"])
 @pytest.mark.parametrize("method", ["penalty", "nitsche"])
-def test_forces_and_state_change_by_the_chain_rule(method: str, friction: str) -> None:
-    """Open, sticking and sliding points; forces, work on the planes, and what is carried on."""
+def test_changes_of_forces_and_state_match_differences(method: str, friction: str) -> None:
+    """For open, sticking and sliding points: forces, work on the planes, and the new state."""
     setup = touching("quadrilateral", False, method, friction, SIZE)
-    problem, at = setup.problem, begun(setup)
+    problem, at = setup.problem, begin_second_step(setup)
     direction = np.random.default_rng(2).uniform(-1, 1, len(at))
     wall, old = problem.contact, setup.state
     assert wall is not None and old.contact is not None
@@ -61,8 +61,8 @@ def test_forces_and_state_change_by_the_chain_rule(method: str, friction: str) -
         strain = wall.stress.strained.increments(motion[:, 0], along[:, 0])
         stress = np.einsum("nij,nj->ni", wall.stress.response.tangent, strain)[:, :, None]
         liquid = np.zeros((len(strain), 1))
-    given = GivenChanges.none(wall.facets.count, 1)
-    found = contact.changes(given, wall.strand.changes(motion, along), stress, liquid)
+    unchanged = GivenChanges.none(wall.facets.count, 1)
+    found = contact.changes(unchanged, wall.strand.changes(motion, along), stress, liquid)
     nodal, work = contact.forces(found)
     step = 1e-6 * SIZE
     ends, states = [], []
@@ -71,18 +71,19 @@ def test_forces_and_state_change_by_the_chain_rule(method: str, friction: str) -
         states.append(wall.state().numbers())
         assert all(np.array_equal(*pair) for pair in zip(wall.status, status, strict=True))
     assert {OPEN, SLIP} <= set(wall.state().status.tolist())
-    for its, (one, other) in zip((nodal[:, 0], work[:, 0]), zip(*ends, strict=True), strict=True):
-        known = (one - other) / (2.0 * step)
-        assert np.abs(its - known).max() < 1e-6 * np.abs(known).max()
+    for change, (up, down) in zip((nodal[:, 0], work[:, 0]), zip(*ends, strict=True), strict=True):
+        expected = (up - down) / (2.0 * step)
+        assert np.abs(change - expected).max() < 1e-6 * np.abs(expected).max()
     for name, values in found.numbers().items():
         with np.errstate(invalid="ignore"):
-            known = (states[0][CONTACT + name] - states[1][CONTACT + name]) / (2.0 * step)
-        known = np.nan_to_num(known)
-        assert np.abs(values[..., 0] - known).max() <= 1e-6 * np.abs(known).max() + 1e-9, name
+            expected = (states[0][CONTACT + name] - states[1][CONTACT + name]) / (2.0 * step)
+        expected = np.nan_to_num(expected)
+        error = np.abs(values[..., 0] - expected).max()
+        assert error <= 1e-6 * np.abs(expected).max() + 1e-9, name
 
 
-def test_a_surface_that_moves_meets_the_wall_as_the_one_that_has_moved() -> None:
-    """Gap and normal on a round wall, which the strand faces askew."""
+def test_change_of_gap_and_normal_matches_differences() -> None:
+    """On a round wall that is oblique to the surface of the strand."""
     wall = at_a_round_wall(large=False).problem.contact
     rng, size = np.random.default_rng(0), 1e-5
     still = np.zeros(wall.strand.gradients.shape[1])
@@ -98,8 +99,8 @@ def test_a_surface_that_moves_meets_the_wall_as_the_one_that_has_moved() -> None
         for sign in (1.0, -1.0)
     ]
     assert np.isfinite(here.gap).all()
-    known = (ends[0].gap - ends[1].gap) / (2.0 * size)
-    assert np.abs(gap[:, 0] - known).max() < 1e-7 * np.abs(known).max()
-    known = (ends[0].normal - ends[1].normal) / (2.0 * size)
-    assert np.abs(normal[:, :, 0] - known).max() < 1e-6 * np.abs(known).max()
-    assert np.abs(known).max() > 1.0
+    expected = (ends[0].gap - ends[1].gap) / (2.0 * size)
+    assert np.abs(gap[:, 0] - expected).max() < 1e-7 * np.abs(expected).max()
+    expected = (ends[0].normal - ends[1].normal) / (2.0 * size)
+    assert np.abs(normal[:, :, 0] - expected).max() < 1e-6 * np.abs(expected).max()
+    assert np.abs(expected).max() > 1.0

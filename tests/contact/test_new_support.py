@@ -1,4 +1,4 @@
-"""A kind of support that castfem does not have, added through its public interface alone."""
+"""A new kind of support, added only through the public interface of castfem."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from contact.test_roll_support import GROUPS, PLANE_STRAIN, YOUNG
 
 
 def belt_work(moved: Expr, stiffness: Expr, virtual: Direction, ds: ufl.Measure) -> ufl.Form:
-    """Int k u . v ds: a face that is drawn back to where a belt holds it, k in Pa/m."""
+    """Return int k u . v ds: a belt of stiffness k (Pa/m) pulls a face back to its position."""
     return stiffness * ufl.inner(moved, virtual.shift) * ds
 
 
 @dataclass(frozen=True, slots=True)
 class Belt(SurfaceInteraction):
-    """A belt of stiffness k (Pa/m) that sticks to groups from the start to a place, m."""
+    """A belt of stiffness k (Pa/m) that adheres to groups between two positions, m."""
 
     on: tuple[str, ...]
     stiffness: float
@@ -41,15 +41,15 @@ class Belt(SurfaceInteraction):
 class StickingBelt(Interaction):
     name = "belt"
 
-    def __init__(self, section: Section, given: Belt, motion: Motion) -> None:
-        super().__init__(section, motion, given.on)
-        self._given, self._k = given, fem.Constant(section.mesh, np.float64(0.0))
+    def __init__(self, section: Section, belt: Belt, motion: Motion) -> None:
+        super().__init__(section, motion, belt.on)
+        self._belt, self._k = belt, fem.Constant(section.mesh, np.float64(0.0))
         ds = ufl.Measure("ds", domain=section.mesh, subdomain_data=section.facet_tags)
         self._ds = ds(tuple(self.tags))
 
     def begin(self, old: object, start: float, end: float, before: Array, after: Array) -> None:
         super().begin(old, start, end, before, after)
-        self._k.value = self._given.stiffness if end <= self._given.between[1] else 0.0
+        self._k.value = self._belt.stiffness if end <= self._belt.between[1] else 0.0
 
     def virtual_work(self, virtual: Direction) -> ufl.Form:
         return belt_work(self._motion.u, self._k, virtual, self._ds)
@@ -59,7 +59,7 @@ class StickingBelt(Interaction):
 
 
 def dragged(stiffness: float) -> SliceSetup:
-    """A block drawn by its top, on a belt until it has come 1 m."""
+    """Set up a block dragged by its top, on a belt up to a position of 1 m."""
     drawn = tuple(
         PrescribedDisplacement(("top",), i, lambda x, t, i=i: np.full(len(x), (1 - i) * 1e-5))
         for i in range(2)
@@ -68,12 +68,12 @@ def dragged(stiffness: float) -> SliceSetup:
     return SliceSetup(
         mapped(2, 2, box(0.1, 0.04), groups=GROUPS),
         elastic(YOUNG, 0.0),
-        given={"planes": PLANE_STRAIN, "interactions": (belt,), "held": drawn},
+        settings={"planes": PLANE_STRAIN, "interactions": (belt,), "held": drawn},
     )
 
 
-def test_a_new_kind_of_support() -> None:
-    """It shears the block as its stiffness says, and lets go at the end of its range."""
+def test_new_support_acts_within_its_range() -> None:
+    """The belt shears the block and releases it at the end of its range; its tangent is exact."""
     setup = dragged(1e12)
     setup.step(1.0)
     assert setup.displacement(lambda x, y: y < 1e-9).max() < 0.6e-5
@@ -83,7 +83,7 @@ def test_a_new_kind_of_support() -> None:
     assert setup.displacement(lambda x, y: y < 1e-9)[:, 0] == pytest.approx(1e-5, rel=1e-9)
 
 
-def test_one_without_derivatives_is_refused_by_name() -> None:
+def test_support_without_derivatives_is_rejected_by_name() -> None:
     problem = dragged(1e12).problem
     with pytest.raises(InputError, match=r"interactions: belt is not differentiated; leave it"):
         problem.of_slice(problem.slice)

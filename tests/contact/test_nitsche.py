@@ -1,4 +1,4 @@
-"""How large the factor of Nitsche's method has to be: the trace inequality, and the case model."""
+"""The least factor of Nitsche's method: the trace inequality, and the check of the case model."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ SHAPES: dict[str, Map] = {
 
 
 def block(shape: str, cell: str, poisson: float) -> SliceSetup:
-    """Cells that nothing holds, all of whose foot is on a wall."""
+    """Set up unsupported cells whose complete foot is on a wall."""
     groups = ("left", "foot", "right", "top")
     wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
     return SliceSetup(
         mapped(3, 3, SHAPES[shape], cell, groups=groups),
         elastic(1.0, poisson),
-        given={
+        settings={
             "planes": PlainPlanes(()),
             "pin": False,
             "interactions": (Contact(wall, ("foot",), method="nitsche"),),
@@ -41,7 +41,7 @@ def block(shape: str, cell: str, poisson: float) -> SliceSetup:
 
 
 def elastic_matrix(setup: SliceSetup) -> Array:
-    """Tangent of Hooke's law (4, 4)."""
+    """Return the tangent of Hooke's law (4, 4)."""
     n, law = 1, setup.law
     nothing = np.zeros((n, 4))
     step = MaterialStep(nothing, np.zeros(n), np.zeros(n), np.zeros(n), 1.0)
@@ -49,7 +49,7 @@ def elastic_matrix(setup: SliceSetup) -> Array:
 
 
 def energy(setup: SliceSetup) -> Array:
-    """Stiffness by castfem's two rules, dense; the change of volume is projected in `strain`."""
+    """Return the dense stiffness by both integration rules; `strain` projects the volume change."""
     points, tangent = setup.problem.points, elastic_matrix(setup)
     volume = np.outer([1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]) * tangent[:3, :3].sum() / 9.0
     strain = points.strain.toarray().reshape(points.count, 4, -1)
@@ -65,7 +65,7 @@ def energy(setup: SliceSetup) -> Array:
 
 
 def least_factor(shape: str, cell: str, poisson: float) -> float:
-    """Factor from which a(u, u) + int (K_p u_n - sigma_n(u)) u_n is nowhere negative."""
+    """Return the least factor without a negative a(u, u) + int (K_p u_n - sigma_n(u)) u_n."""
     setup = block(shape, cell, poisson)
     contact, space = setup.problem.contact, setup.problem.space
     facets, trial, tangent = contact.facets, ufl.TrialFunction(space), elastic_matrix(setup)
@@ -93,24 +93,26 @@ def least_factor(shape: str, cell: str, poisson: float) -> float:
     ("shape", "poisson", "least"),
     [("square", 0.0, 3.52), ("wide", 0.0, 4.10), ("deep", 0.0, 3.00), ("square", 0.4, 8.07)],
 )
-def test_factor_of_the_page(shape: str, poisson: float, least: float) -> None:
-    """C in h |sigma_n|^2 <= C K a(u, u), and a factor of C / 4.
+def test_least_factor_is_that_of_the_documentation(
+    shape: str, poisson: float, least: float
+) -> None:
+    """With C of h |sigma_n|^2 <= C K a(u, u) the factor is C / 4.
 
-    a has the projected change of volume, sigma_n that of its own place.
+    The volume change is projected in a, but local in sigma_n.
     """
     assert least_factor(shape, "quadrilateral", poisson) == pytest.approx(least, abs=6e-3)
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.4])
 @pytest.mark.parametrize(("cell", "shape"), [("quadrilateral", "skewed"), ("triangle", "square")])
-def test_usual_factor_is_enough(shape: str, cell: str, poisson: float) -> None:
+def test_default_factor_is_sufficient(shape: str, cell: str, poisson: float) -> None:
     least = least_factor(shape, cell, poisson)
     assert 1.0 < least < LEAST_NITSCHE < FACTOR
 
 
 @pytest.mark.parametrize("factor", [1.0, 8.9])
-def test_case_with_too_small_a_factor(factor: float) -> None:
-    """Said up front, with key and mend; the penalty may be as soft."""
+def test_too_small_factor_is_rejected(factor: float) -> None:
+    """The error has key and fix; the penalty method may have such a factor."""
 
     def case(method: str) -> Any:
         return billet("taper_1", f'mould.contact={{method="{method}",factor={factor}}}')

@@ -1,4 +1,4 @@
-"""Uniform contact pressure comes out to solver tolerance, by both methods, on all cells."""
+"""Uniform contact pressure is exact to solver tolerance with both methods on all cells."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ CONFINED = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))
 MODULI = {"free": YOUNG, "plane strain": YOUNG / (1 - POISSON**2), "confined": CONFINED}
 
 
-def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any) -> SliceSetup:
-    """A block of distorted cells on rollers, and a wall that comes down on it by 1 um a second."""
+def pressed(method: str, cell: str, kind: str, large: bool = False, **settings: Any) -> SliceSetup:
+    """Set up a block of distorted cells on rollers under a wall that descends at 1 um/s."""
     right = ("right",) if kind == "confined" else ()
     groups = ("symmetry_x", "symmetry_y", "right", "top")
     wall = LineWall(lambda z: np.array([0.0, HEIGHT - z]))
-    contact = Contact(wall, ("top",), lambda t: 1e-6 * t, method=method, **given)  # type: ignore
+    contact = Contact(wall, ("top",), lambda t: 1e-6 * t, method=method, **settings)  # type: ignore
     return SliceSetup(
         mapped(3, 3, skewed(WIDTH, HEIGHT), cell, groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PlainPlanes(("a0",) if kind == "free" else ()),
             "held": tuple(PrescribedDisplacement((name,), 0) for name in right),
             "interactions": (contact,),
@@ -50,11 +50,11 @@ def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any
 
 
 @pytest.mark.parametrize(
-    ("method", "cell", "kind"),  # every kind by each method and on each cell
+    ("method", "cell", "kind"),  # every kind with each method and on each cell
     [(m, CELLS[(i + j) % 2], k) for i, m in enumerate(METHODS) for j, k in enumerate(MODULI)],
 )
-def test_wall_presses_a_block(method: str, cell: str, kind: str) -> None:
-    """Sigma = -E' d / H; with the penalty the contact is a spring in series, E'/H and K_p."""
+def test_pressure_under_a_moving_wall_is_exact(method: str, cell: str, kind: str) -> None:
+    """Sigma = -E' d / H; with the penalty method the springs E'/H and K_p are in series."""
     setup = pressed(method, cell, kind)
     setup.step(2.0)
     setup.step(3.0)
@@ -71,25 +71,27 @@ def test_wall_presses_a_block(method: str, cell: str, kind: str) -> None:
     assert force[1] == pytest.approx(-support[1], rel=1e-8)
 
 
-# The line y = 0 in segments that match nothing in the mesh.
+# The line y = 0 in segments that do not match the mesh.
 ENDS = (-0.01, 0.0031, 0.0047, 0.0131, 0.0202, 0.0299, 0.05)
 PIECES = [Straight((a, 0.0), (b, 0.0)) for a, b in pairwise(ENDS)]
 
 
-# One method on each of the cells.
+# One method for each cell shape.
 @pytest.mark.parametrize(
     ("method", "cell", "large", "pieces"),
     [(m, c, large, p) for m, c in zip(METHODS, CELLS, strict=True) for large in (False, True)
      for p in (False, True)],
 )  # fmt: skip
-def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, pieces: bool) -> None:
+def test_applied_pressure_is_the_contact_pressure(
+    method: str, cell: str, large: bool, pieces: bool
+) -> None:
     """A block is pressed against a wall below by a uniform pressure from above."""
     groups = ("left", "foot", "right", "top")
     wall = ContourWall(*PIECES) if pieces else LineWall(lambda z: np.zeros(2), lambda z: np.pi)
     setup = SliceSetup(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PlainPlanes(("a0",)),
             "loads": (SurfacePressure(("top",), lambda t: 1e6 * t),),
             "held": (PrescribedDisplacement(("left",), 0),),
@@ -101,22 +103,22 @@ def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, piec
     )
     setup.step(1.0)
     state = setup.state.contact
-    # At large strain the foot has widened, and the top with it; it is thicker, too.
+    # At large strain foot and top widen equally.
     assert state.pressure == pytest.approx(1e6, rel=1e-8)
     assert setup.stress[:, 1] == pytest.approx(-1e6, rel=1e-8)
     assert np.abs(setup.stress[:, [0, 2, 3]]).max() < 1.0
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_free_block_on_an_oblique_wall(method: str) -> None:
-    """Two walls at an angle hold a block that nothing else holds; the forces are in balance."""
+def test_block_on_an_oblique_wall_is_in_balance(method: str) -> None:
+    """Only a wall and a line of symmetry support the block; the forces are in balance."""
     groups = ("symmetry_x", "foot", "right", "top")
     angle = 0.1
     wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi - angle)
     setup = SliceSetup(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), groups=groups),
         elastic(YOUNG, POISSON),
-        given={
+        settings={
             "planes": PlainPlanes(("a0",)),
             "loads": (SurfacePressure(("top",), lambda t: 1e5 * t),),
             "pin": False,
@@ -133,15 +135,15 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
     assert found.share == pytest.approx(touching / WIDTH, rel=1e-12)
 
 
-# Contact pressure as a mean over a length: what finer cells leave, and what ranks agree on.
+# Contact pressure as a mean over a length: independent of cells and ranks.
 
 
 HALF = 0.0625
-END = np.array([HALF - 5e-3, HALF])  # of the arc, where it goes over into the face
+END = np.array([HALF - 5e-3, HALF])  # end of the arc, where the face begins
 
 
 def surface(size: float, comm: MPI.Comm = MPI.COMM_SELF) -> Facets:
-    """The surface of a quarter billet with cells of `size` (m) near the corner."""
+    """Return the surface of a quarter billet with cells of `size` (m) near the corner."""
     mesh = billet_mesh(
         corner_radius=5e-3, surface_size=size, core_size=2e-2, face_size=8e-3, order=2
     )
@@ -149,14 +151,14 @@ def surface(size: float, comm: MPI.Comm = MPI.COMM_SELF) -> Facets:
     return Facets(section, section.matching(("wide", "narrow", "corner")), 2)
 
 
-def test_uniform_pressure_is_its_mean() -> None:
+def test_mean_of_uniform_pressure_is_exact() -> None:
     facets = surface(1e-3)
     most, _ = SurfaceMean(facets).highest(np.full(facets.count, 3e6), facets.position)
     assert most == pytest.approx(3e6, rel=1e-12)
 
 
-def test_the_mean_of_a_peak_stays_where_its_highest_point_grows() -> None:
-    """A pressure like the root of the distance, as at the edge of a stamp: 2 sqrt(2 / L)."""
+def test_mean_of_a_singular_peak_converges() -> None:
+    """For 1 / sqrt(distance), as at the edge of a punch, the mean is 2 sqrt(2 / L)."""
     points, means = [], []
     for size in (1.6e-3, 0.8e-3, 0.4e-3, 0.2e-3):
         facets = surface(size)
@@ -173,12 +175,12 @@ def test_the_mean_of_a_peak_stays_where_its_highest_point_grows() -> None:
     assert (np.diff(errors) < 0.0).all() and errors[1] < 0.15
 
 
-def test_where_cells_are_long_three_of_them_count() -> None:
-    """At mid-face: a facet that for a moment touches nothing is no loss of pressure there."""
+def test_mean_includes_three_long_cells() -> None:
+    """At mid-face a single facet without contact does not give a mean of 0."""
     facets = surface(1e-3)
     x = facets.position[:, 0]
     top = facets.position[:, 1] > HALF - 1e-9
-    pressure = np.where(top & (x > np.unique(x[top])[1]), 1e5, 0.0)  # but for the first facet
+    pressure = np.where(top & (x > np.unique(x[top])[1]), 1e5, 0.0)  # except the first facet
     around = SurfaceMean(facets).around(np.array([[0.0, HALF]]))
     assert 0.2e5 < (around @ pressure)[0] < 0.8e5
 
@@ -199,7 +201,7 @@ def test_ranks_agree() -> None:
 # An elastic block and a tapered wall that is pushed into it: resultant, iterations, units.
 
 
-# With the penalty the wall is a spring: to 0.05 % it must be 500 times as stiff as a cell.
+# With the penalty method the wall is a spring; for 0.05 % it must be 500 times stiffer than a cell.
 FACTORS = {"penalty": 1000.0, "nitsche": None}
 BLOCK_METHODS = tuple(FACTORS)
 FORCE = 40e9 / (1 - 0.3**2) * 0.03e-3  # E/(1 - nu^2) times the mean closure, per length of wall
@@ -207,7 +209,7 @@ STEPS = np.linspace(0.1, 1.0, 10)
 
 
 @pytest.mark.parametrize(("method", "cell"), zip(BLOCK_METHODS, CELLS, strict=True))
-def test_resultant(method: str, cell: str) -> None:
+def test_resultant_of_a_tapered_wall_is_exact(method: str, cell: str) -> None:
     setup = tapered_block(method, cell=cell, factor=FACTORS[method])
     for time in STEPS:
         result = setup.step(time)
@@ -223,23 +225,23 @@ UNITS = ((1e-3, 1.0), (1.0, 1e6), (1e-3, 1e6), (1e3, 1e-6))  # m, Pa
 
 
 @pytest.mark.parametrize(("method", "cell"), zip(BLOCK_METHODS, CELLS, strict=True))
-def test_units_do_not_matter(method: str, cell: str) -> None:
-    """Units of length and stress, apart and together: the same iterations, the same numbers."""
+def test_iterations_and_results_are_independent_of_units(method: str, cell: str) -> None:
+    """Units of length and stress are changed separately and together."""
     setups = [tapered_block(method, *unit, cell=cell) for unit in ((1.0, 1.0), *UNITS)]
     for time in STEPS:
-        one, *others = (setup.step(time) for setup in setups)
-        first = one.state.contact
+        reference, *results = (setup.step(time) for setup in setups)
+        first = reference.state.contact
         top = first.pressure.max()
-        for other, (_, stress) in zip(others, UNITS, strict=True):
-            second = other.state.contact
-            assert other.newton == one.newton
+        for result, (_, stress) in zip(results, UNITS, strict=True):
+            second = result.state.contact
+            assert result.newton == reference.newton
             assert np.array_equal(second.status, first.status)
             assert second.pressure * stress == pytest.approx(first.pressure, abs=1e-6 * top)
 
 
 @pytest.mark.parametrize("method", BLOCK_METHODS)
 @pytest.mark.parametrize("factor", [300.0, 3e5])
-def test_three_decades_of_stiffness(method: str, factor: float) -> None:
+def test_resultant_is_independent_of_the_contact_stiffness(method: str, factor: float) -> None:
     setup = tapered_block(method, factor=factor / 100 if method == "nitsche" else factor)
     for time in STEPS:
         assert setup.step(time).newton <= 5
@@ -248,8 +250,8 @@ def test_three_decades_of_stiffness(method: str, factor: float) -> None:
 
 
 @pytest.mark.parametrize("method", BLOCK_METHODS)
-def test_a_failed_step_leaves_nothing_behind(method: str) -> None:
-    """The old state is as it was, to the bit, and the next try goes as if nothing had been."""
+def test_failed_step_has_no_after_effect(method: str) -> None:
+    """The old state is unchanged to the bit, and the next step gives the same result."""
     setup = tapered_block(method, options={"snes_max_it": 6})
     setup.step(0.1)
     old = setup.state
@@ -273,7 +275,7 @@ def test_a_failed_step_leaves_nothing_behind(method: str) -> None:
     assert again.newton == good.newton
 
 
-def test_no_contact_compiles_no_contact() -> None:
+def test_forms_of_contact_are_compiled_only_with_contact() -> None:
     from mechanics.setups import SliceSetup, box, mapped
 
     setup = SliceSetup(mapped(2, 2, box(1.0, 1.0)))

@@ -1,4 +1,4 @@
-"""Friction that depends on the rate of slip, and a wall that moves along the strand itself."""
+"""Rate-dependent friction, and a wall that oscillates along the strand."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ P0, MU = 12e6, 0.3
 
 
 class Dashpot:
-    """The block's shear as a spring in series with the friction of its foot, step by step."""
+    """Shear of the block: a spring in series with the friction of its foot, step by step."""
 
     def __init__(self, law: Any) -> None:
         self.law = law
@@ -41,14 +41,14 @@ class Dashpot:
         for time in STEP * np.arange(1, STEPS + 1):
             self.stress.append(self._after(time))
 
-    def most(self, speed: float) -> float:
-        """Friction at a speed of slip."""
+    def friction(self, speed: float) -> float:
+        """Return the friction at a slip rate, Pa."""
         excess = float(self.law.excess(np.array([speed]))[0][0])
         return self.threshold + min(excess, self.law.cap * PRESSURE)
 
     @staticmethod
     def top(time: float) -> float:
-        """Displacement of the top, m."""
+        """Return the displacement of the top, m."""
         return SPEED * min(time, DRAG)
 
     def _after(self, time: float) -> float:
@@ -57,16 +57,16 @@ class Dashpot:
         trial = old + way / COMPLIANCE
         if trial <= self.threshold:
             return trial
-        slid = lambda tau: (trial - tau) * COMPLIANCE / STEP  # noqa: E731
-        return float(brentq(lambda tau: tau - self.most(slid(tau)), 0.0, trial, xtol=1e-6))
+        rate = lambda tau: (trial - tau) * COMPLIANCE / STEP  # noqa: E731
+        return float(brentq(lambda tau: tau - self.friction(rate(tau)), 0.0, trial, xtol=1e-6))
 
     def __call__(self, time: float) -> float:
-        """Shear stress at the end of a step."""
+        """Return the shear stress at the end of a step, Pa."""
         return self.stress[round(time / STEP)]
 
 
 def dragged(law: Any, method: str, spring: Dashpot) -> SliceSetup:
-    """A block pressed on a wall; its top is drawn along, its sides carry the shear of it."""
+    """Set up a block pressed on a wall and dragged by its top; its sides carry the shear."""
     contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=FACTOR)  # type: ignore
     mesh = mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top"))
     return dragged_block(mesh, elastic(YOUNG, 0.0), contact, PRESSURE, spring.top, spring)
@@ -82,8 +82,8 @@ VISCOUS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize(("method", "name"), zip(METHODS * 2, VISCOUS, strict=True))
-def test_dragged_and_left_alone(method: str, name: str) -> None:
-    """The friction of the closed form after every step: it rises, slides, and relaxes."""
+def test_viscous_friction_of_a_dragged_block_is_exact(method: str, name: str) -> None:
+    """The friction is that of the closed form at every step, in dragging and relaxation."""
     spring = Dashpot(VISCOUS[name])
     setup = dragged(spring.law, method, spring)
     seen = []
@@ -94,14 +94,14 @@ def test_dragged_and_left_alone(method: str, name: str) -> None:
         assert state.pressure == pytest.approx(PRESSURE, rel=1e-7)
         seen.append(-float(state.friction[0, 0]))
     assert np.all(state.status == SLIP)
-    # Sliding at the speed of the top, the traction is the law's own; then it relaxes.
+    # While it slides at the speed of the top, the traction is that of the law.
     dragging = seen[round(DRAG / STEP) - 1]
-    assert dragging == pytest.approx(spring.most(SPEED), rel=1e-3)
+    assert dragging == pytest.approx(spring.friction(SPEED), rel=1e-3)
     assert spring.threshold <= seen[-1] < 0.9 * dragging
 
 
 def moving(stroke: Callable[[float], float], method: str) -> SliceSetup:
-    """A block drawn along a wall that has a stroke of its own."""
+    """Set up a block drawn along an oscillating wall."""
     contact = Contact(
         FOOT,
         ("foot",),
@@ -115,7 +115,7 @@ def moving(stroke: Callable[[float], float], method: str) -> SliceSetup:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_wall_that_goes_with_the_strand_has_no_friction(method: str) -> None:
+def test_wall_at_the_speed_of_the_strand_has_no_friction(method: str) -> None:
     setup = moving(lambda time: SPEED * time, method)
     for time in (0.5, 1.0):
         setup.step(time)
@@ -125,8 +125,8 @@ def test_a_wall_that_goes_with_the_strand_has_no_friction(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_an_oscillating_mould_pushes_the_strand_while_it_is_faster(method: str) -> None:
-    """Friction follows the slip of each step; the pull that of the length cast alone."""
+def test_oscillating_mould_pushes_the_strand_while_faster(method: str) -> None:
+    """Friction has the sign of the slip in each step; the pull accumulates with the length cast."""
     amplitude, period, steps = SPEED, 1.0, 10  # 2 pi times as fast as the strand, at most
 
     def stroke(time: float) -> float:
@@ -155,8 +155,8 @@ def test_an_oscillating_mould_pushes_the_strand_while_it_is_faster(method: str) 
         ("nitsche", Viscous(Coulomb(0.1), 0.2, 95e6, 1e-4, 0.5)),
     ],
 )
-def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
-    """A block tilted by 10 um, 50 MPa of pressure, to and fro: no step fails where it comes off."""
+def test_steps_converge_where_contact_is_lost(method: str, law: Any) -> None:
+    """A block tilted by 10 um under 50 MPa moves back and forth, and loses contact at one end."""
     tilted = LineWall(lambda z: np.zeros(2), lambda z: np.pi + 5e-4)
 
     def aside(x: Array, time: float) -> Array:
@@ -168,7 +168,7 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
     setup = SliceSetup(
         mapped(8, 4, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
         elastic(YOUNG, 0.3),
-        given={
+        settings={
             "planes": PlainPlanes(()),
             "held": (
                 PrescribedDisplacement(("top",), 0, aside),
@@ -188,7 +188,7 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
     assert len(touching) > 2 and max(touching) == 16
 
 
-# Liquid at the wall: it is told as what it does, which is to slide without friction.
+# Liquid at the wall has the status it has physically: it slides without friction.
 
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 2e5
@@ -196,7 +196,7 @@ SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 2e5
 
 @pytest.mark.parametrize("law", [Coulomb(0.3), Lubricant(1e6, 1.0)])
 def test_liquid_at_the_wall_does_not_stick(law: Friction) -> None:
-    """Half of the foot is liquid: its pressure touches there, and no more than that."""
+    """Half of the foot is liquid, which transmits only its pressure."""
 
     def heat(x: Array, y: Array) -> Array:
         return np.where(x > 0.01 + 1e-9, LIQUIDUS + 10.0, SOLIDUS - 100.0)
@@ -214,7 +214,7 @@ def test_liquid_at_the_wall_does_not_stick(law: Friction) -> None:
         mapped(8, 4, box(0.02, 0.01), groups=("left", "foot", "right", "top")),
         ThermoElastic(Elasticity.constant(10e9, 0.3, solidity)),
         start=heat,
-        given={
+        settings={
             "ferrostatic": Ferrostatic(lambda t: HEAD, fraction, "full", "free"),
             "planes": PlainPlanes(()),
             "liquid": "fed",
@@ -233,7 +233,7 @@ def test_liquid_at_the_wall_does_not_stick(law: Friction) -> None:
     assert summary(setup.problem.contact, state, setup.state.generalized_strains).sticking == 0.0
 
 
-# A block that creeps between jaws and slides in its plane alone: nothing else holds it there.
+# A creeping block between jaws, supported in its plane only by friction.
 
 
 JAW_WIDTH, JAW_HEIGHT, CLOSURE, JAW_MU = 20e-3, 14e-3, 0.3e-3, 0.2
@@ -241,7 +241,7 @@ LAW = NortonCreep.constant(Elasticity.constant(40e9, 0.3), 1e-2, 1e8, 3.0)
 
 
 class Jaws:
-    """Two flat walls that close in on the origin by 0.3 mm a second, turned by an angle."""
+    """Two plane walls, rotated by an angle, that approach the origin at 0.3 mm/s."""
 
     def __init__(self, angle: float) -> None:
         self.up = np.array([-np.sin(angle), np.cos(angle)])
@@ -250,9 +250,9 @@ class Jaws:
         cosine = normals @ self.up
         side = np.sign(cosine)
         away = 0.5 * JAW_HEIGHT - CLOSURE * position - side * (points @ self.up)
-        met = np.abs(cosine) > 1e-9
-        gap = np.where(met, away / np.where(met, np.abs(cosine), 1.0), np.inf)
-        return GapFunction(gap, np.where(met[:, None], side[:, None] * self.up, normals))
+        facing = np.abs(cosine) > 1e-9
+        gap = np.where(facing, away / np.where(facing, np.abs(cosine), 1.0), np.inf)
+        return GapFunction(gap, np.where(facing[:, None], side[:, None] * self.up, normals))
 
     def temperature(self, position: float) -> float:
         return 400.0
@@ -263,8 +263,8 @@ class Jaws:
     [ ("penalty", True, 0.6),
      ("nitsche", True, 0.0), ("nitsche", True, 0.6)],
 )  # fmt: skip
-def test_block_that_only_friction_holds(method: str, large: bool, angle: float) -> None:
-    """All points slide: a full Newton step may turn friction round, and the block run away."""
+def test_block_supported_by_friction_only_converges(method: str, large: bool, angle: float) -> None:
+    """All points slide: a full Newton step may reverse the friction and diverge."""
 
     def shape(s: Array, t: Array) -> tuple[Array, Array]:
         x, y = JAW_WIDTH * (s - 0.5), JAW_HEIGHT * (t - 0.5)
@@ -277,13 +277,13 @@ def test_block_that_only_friction_holds(method: str, large: bool, angle: float) 
         lambda time: time,
         method=method,  # type: ignore[arg-type]
         friction=Coulomb(JAW_MU),
-        stroke=lambda time: time,  # the jaws go with the strand
+        stroke=lambda time: time,  # the jaws move with the strand
     )
     setup = SliceSetup(
         mapped(5, 4, shape, groups=("left", "lower", "right", "upper")),
         LAW,
         expansion(0.0),
-        given={"planes": PLANE_STRAIN, "large_strain": large, "interactions": (contact,)},
+        settings={"planes": PLANE_STRAIN, "large_strain": large, "interactions": (contact,)},
         springs=1e-7,
     )
     for time in (0.1, 0.3, 0.6, 1.0):
@@ -292,7 +292,7 @@ def test_block_that_only_friction_holds(method: str, large: bool, angle: float) 
     found = summary(setup.problem.contact, state, setup.state.generalized_strains)
     load = state.weight @ state.pressure
     assert np.abs(found.force).max() < 1e-4 * load and found.axial == 0.0
-    # It flows out of the middle.
+    # The block flows outwards.
     along = np.column_stack([-state.normal[:, 1], state.normal[:, 0]])
     x = np.einsum("ni,ni->n", along, state.place)
     outer = np.abs(x) > 0.1 * JAW_WIDTH

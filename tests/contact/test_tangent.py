@@ -1,4 +1,4 @@
-"""The Jacobian with contact, friction and the bordered system, against finite differences."""
+"""The Jacobian with contact, friction and the bordered system, and finite differences."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ LAW = NortonCreep.constant(Elasticity.constant(200e9, 0.3), 1e-2, 1e8, 3.0)
 
 
 def friction_law(name: str, pressure: float) -> Any:
-    """A law of friction in which a typical pressure makes points stick and slide."""
+    """Return a friction law with which some points stick and others slide at the pressure."""
     laws: dict[str, Any] = {
         "none": None,
         "coulomb": Coulomb(0.3, cohesion=0.05 * pressure, yield_stress=1.5 * pressure),
         "viscous": Viscous(Tresca(0.5, 0.5 * pressure), 0.3, pressure, 1e-3, 0.5),
         "lubricant": Lubricant(10 * pressure, 0.7),
-        # Limited by the pressure, both the threshold and what is beyond.
+        # Both the threshold and the excess are limited by the pressure.
         "light": Viscous(Tresca(1.0, pressure, 0.3), 0.3, pressure, 1e-3, 0.5, 0.1),
     }
     return laws[name]
@@ -43,7 +43,7 @@ CASES = [
     for large in (False, True)
     for method in ("penalty", "nitsche")
     for friction in FRICTION
-    # Of triangles one without friction, and one with all that there is.
+    # For triangles only the simplest and the most complete case.
     if cell == "quadrilateral"
     or (large, method, friction) in ((False, "penalty", "none"), (True, "nitsche", "coulomb"))
 ] + [("quadrilateral", False, "penalty", "light"), ("quadrilateral", True, "nitsche", "light")]
@@ -52,7 +52,7 @@ CASES = [
 def touching(
     cell: str, large: bool, method: str, friction: str, size: float, travel: float = 0.3
 ) -> SliceSetup:
-    """A skewed block between two oblique walls that half of its points touch."""
+    """Set up a skewed block between two oblique walls with half of its points in contact."""
     contact = Contact(
         TwoWalls((0.1, 0.06), 50 * size),
         ("right", "top"),
@@ -67,16 +67,16 @@ def touching(
         mapped(2, 2, skewed(0.1, 0.06), cell, groups=GROUPS),
         LAW,
         expansion(1e-5),
-        given={"planes": planes, "large_strain": large, "interactions": (contact,)},
+        settings={"planes": planes, "large_strain": large, "interactions": (contact,)},
     )
 
 
 @pytest.mark.parametrize(("cell", "large", "method", "friction"), CASES)
-def test_jacobian(cell: str, large: bool, method: str, friction: str) -> None:
+def test_jacobian_matches_differences(cell: str, large: bool, method: str, friction: str) -> None:
     size = 1e-3 if large else 2e-5
     setup = touching(cell, large, method, friction, size)
     exact, found, free = jacobians(setup, size)
-    # The setup tests something only if points are open, stick and slip.
+    # The test is valid only if some points are open, some stick and some slip.
     seen = setup.problem.contact.state().status
     expected = {OPEN, SLIP} | ({STICK} if friction in ("coulomb", "viscous", "light") else set())
     assert expected <= set(seen.tolist())
@@ -90,10 +90,10 @@ def test_jacobian(cell: str, large: bool, method: str, friction: str) -> None:
 
 @pytest.mark.parametrize("large", [False, True])
 @pytest.mark.parametrize("method", ["penalty", "nitsche"])
-def test_jacobian_where_liquid_presses(large: bool, method: str) -> None:
-    """Its pressure stays along the strand's own normal, which turns with the surface.
+def test_jacobian_under_liquid_pressure_matches_differences(large: bool, method: str) -> None:
+    """The pressure of liquid acts along the normal of the strand, which rotates with the surface.
 
-    Cells of liquid are so soft that a tangent without it leads away from the solution.
+    Liquid cells are so soft that Newton's method diverges without this term.
     """
     size, head = 1e-3 if large else 2e-5, 3e9
     solidity = Solidity.between(190.0, 300.0, stiffness_ratio=1e-5, mushy_zone="none", memory=False)
@@ -106,7 +106,7 @@ def test_jacobian_where_liquid_presses(large: bool, method: str) -> None:
         mapped(2, 2, skewed(0.1, 0.06), "quadrilateral", groups=GROUPS),
         law,
         expansion(1e-5),
-        given={
+        settings={
             "planes": PlainPlanes(("a0", "across")), "large_strain": large, "liquid": "fed",
             "ferrostatic": Ferrostatic(lambda t: head, np.zeros_like, "full", "free"),
             "interactions": (contact,),
@@ -114,12 +114,12 @@ def test_jacobian_where_liquid_presses(large: bool, method: str) -> None:
     )  # fmt: skip
     exact, found, _ = jacobians(setup, size)
     wall = setup.problem.contact
-    assert (wall.liquid.pool == head).all()  # the setup is one of liquid
+    assert (wall.liquid.pool == head).all()  # all of the surface is liquid
     assert np.abs(exact - found).max() < 1e-6 * np.abs(found).max()
 
 
 def at_a_round_wall(large: bool) -> SliceSetup:
-    """A ring within a wall that is one arc."""
+    """Set up a ring inside a wall that is a single arc."""
     outer = 0.05
     ends = [(outer * np.cos(a), outer * np.sin(a)) for a in (-0.3, 0.5 * np.pi + 0.3)]
     contact = Contact(ContourWall(Circular(*ends, (0.0, 0.0))), ("right",), lambda t: t, points=4)
@@ -127,13 +127,17 @@ def at_a_round_wall(large: bool) -> SliceSetup:
         mapped(1, 5, ring(0.03, outer), order=2, groups=GROUPS),
         LAW,
         expansion(1e-5),
-        given={"planes": PlainPlanes(("a0",)), "large_strain": large, "interactions": (contact,)},
+        settings={
+            "planes": PlainPlanes(("a0",)),
+            "large_strain": large,
+            "interactions": (contact,),
+        },
     )
 
 
 @pytest.mark.parametrize("large", [False, True])
-def test_jacobian_at_a_round_wall(large: bool) -> None:
-    """The wall's normal turns with a point that slides: 4e-4 of the tangent, and needed."""
+def test_jacobian_at_a_round_wall_matches_differences(large: bool) -> None:
+    """The normal of the wall changes as a point slides, which is 4e-4 of the tangent."""
     setup = at_a_round_wall(large)
     exact, found, _ = jacobians(setup, 2e-5)
     seen = setup.problem.contact.state().status

@@ -1,4 +1,4 @@
-"""A form whose compilation a kill has cut off is compiled again; one at work is waited for."""
+"""The cache of forms: interrupted compilations, locks, damaged files, unwritable folders."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def area(comm: MPI.Comm, cache: Path) -> float:
-    """Of a rectangle, by a form in this cache, as a process finds it that has used none before."""
+    """Integrate the area of a rectangle by a form in this cache, as in a new process."""
     form_cache._whole.clear()
     form_cache._looked_through.clear()
     cells = mesh.create_rectangle(comm, [(0.0, 0.0), (SIZE, 1.0)], (2, 2))
@@ -51,8 +51,8 @@ def area(comm: MPI.Comm, cache: Path) -> float:
     return comm.allreduce(fem.assemble_scalar(form), op=MPI.SUM)
 
 
-def cut_off(cache: Path) -> None:
-    """Leave what a process does that is killed while it compiles the forms of this cache."""
+def interrupt(cache: Path) -> None:
+    """Leave the cache as a process does that is killed while it compiles its forms."""
     sources = list(cache.glob("*.c"))
     assert sources
     for source in sources:
@@ -61,26 +61,26 @@ def cut_off(cache: Path) -> None:
             module.unlink()
 
 
-def test_cut_off_on_one_rank(tmp_path: Path) -> None:
+def test_interrupted_compilation_is_repeated_on_one_rank(tmp_path: Path) -> None:
     assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
-    cut_off(tmp_path)
+    interrupt(tmp_path)
     assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
     assert list(tmp_path.glob("*.c.cached"))
 
 
 @pytest.mark.mpi
-def test_cut_off_on_several_ranks(shared_folder: Path) -> None:
+def test_interrupted_compilation_is_repeated_on_several_ranks(shared_folder: Path) -> None:
     comm = MPI.COMM_WORLD
     assert area(comm, shared_folder) == pytest.approx(SIZE)
     comm.Barrier()
     if comm.rank == 0:
-        cut_off(shared_folder)
+        interrupt(shared_folder)
     comm.Barrier()
     assert area(comm, shared_folder) == pytest.approx(SIZE)
 
 
-def test_another_at_work_is_waited_for(tmp_path: Path) -> None:
-    """As long as it has the lock: what it has begun is not taken from it."""
+def test_compilation_of_another_process_is_awaited(tmp_path: Path) -> None:
+    """Its files are not removed while it has the lock."""
     (tmp_path / "begun.c").touch()
     with open(tmp_path / form_cache.LOCK, "ab") as file:
         fcntl.flock(file, fcntl.LOCK_SH)
@@ -92,22 +92,22 @@ def test_another_at_work_is_waited_for(tmp_path: Path) -> None:
     assert not cleaning.is_alive() and not (tmp_path / "begun.c").exists()
 
 
-def damaged(cache: Path, size: int) -> None:
-    """Cut off what was compiled, as a disk does that is full."""
+def truncate(cache: Path, size: int) -> None:
+    """Truncate the compiled modules, as on a full disk."""
     modules = list(cache.glob("*.so"))
     assert modules
     for module in modules:
-        whole = module.read_bytes()
-        assert len(whole) > size
+        content = module.read_bytes()
+        assert len(content) > size
         module.unlink()  # it is in use by this process
-        module.write_bytes(whole[:size])
+        module.write_bytes(content[:size])
 
 
 @pytest.mark.parametrize("size", [1000])
-def test_a_damaged_form_is_compiled_anew(tmp_path: Path, size: int) -> None:
-    """By a process of its own: a damaged one, loaded, would end it by a signal."""
+def test_damaged_form_is_compiled_again(tmp_path: Path, size: int) -> None:
+    """In a separate process, which a damaged module would end by a signal if it were loaded."""
     assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
-    damaged(tmp_path, size)
+    truncate(tmp_path, size)
     run = subprocess.run(
         [sys.executable, "-c", AREA, str(tmp_path)], check=True, capture_output=True, text=True
     )
@@ -115,7 +115,7 @@ def test_a_damaged_form_is_compiled_anew(tmp_path: Path, size: int) -> None:
     assert all(len(module.read_bytes()) > 8192 for module in tmp_path.glob("*.so"))
 
 
-def test_a_form_that_is_gone_is_compiled_anew(tmp_path: Path) -> None:
+def test_deleted_form_is_compiled_again(tmp_path: Path) -> None:
     assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
     for module in tmp_path.glob("*.so"):
         module.unlink()
@@ -123,7 +123,7 @@ def test_a_form_that_is_gone_is_compiled_anew(tmp_path: Path) -> None:
     assert list(tmp_path.glob("*.so"))
 
 
-def test_a_whole_form_is_not_compiled_again(tmp_path: Path) -> None:
+def test_valid_form_is_not_compiled_again(tmp_path: Path) -> None:
     assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.so")}
     assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
@@ -131,10 +131,10 @@ def test_a_whole_form_is_not_compiled_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["a file", "no folder can be made"])
-def test_a_cache_that_cannot_be_written(
+def test_unwritable_cache_is_reported_and_replaced(
     tmp_path: Path, told: pytest.LogCaptureFixture, kind: str
 ) -> None:
-    """Root may write everywhere but into a file and into /proc."""
+    """Root can write everywhere except into a file and into /proc."""
     place = tmp_path / "file" if kind == "a file" else Path("/proc/castfem")
     if kind == "a file":
         place.touch()
@@ -146,8 +146,8 @@ def test_a_cache_that_cannot_be_written(
     assert line.endswith("; set XDG_CACHE_HOME to a writable folder")
 
 
-def test_a_cache_that_may_only_be_read(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
-    """What it holds is used; what it lacks is compiled elsewhere."""
+def test_read_only_cache_is_used(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
+    """Its forms are used; missing forms are compiled in another folder."""
     form_cache._temporary.cache_clear()
 
     def make(folder: Path) -> Path:
@@ -162,20 +162,22 @@ def test_a_cache_that_may_only_be_read(tmp_path: Path, told: pytest.LogCaptureFi
 
 
 @pytest.mark.parametrize("variable", ["HOME", "XDG_CONFIG_HOME"])
-def test_a_home_that_is_not_open_to_the_user(tmp_path: Path, variable: str) -> None:
-    (tmp_path / "file").touch()  # root may enter any folder
+def test_inaccessible_home_is_allowed(tmp_path: Path, variable: str) -> None:
+    (tmp_path / "file").touch()  # a file, as root can enter any folder
     environment = {k: v for k, v in os.environ.items() if k != "XDG_CONFIG_HOME"}
-    told = f"{AREA}import os\nprint(os.environ.get('XDG_CONFIG_HOME'))"
+    script = f"{AREA}import os\nprint(os.environ.get('XDG_CONFIG_HOME'))"
     found = subprocess.run(
-        [sys.executable, "-c", told, str(tmp_path / "cache")],
+        [sys.executable, "-c", script, str(tmp_path / "cache")],
         env={**environment, variable: str(tmp_path / "file")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    after = str(tmp_path / "file") if variable == "XDG_CONFIG_HOME" else "None"  # as it was
+    after = str(tmp_path / "file") if variable == "XDG_CONFIG_HOME" else "None"  # unchanged
     assert (found.returncode, found.stdout.split()) == (0, [f"{SIZE}", after]), found.stderr
 
 
-def test_no_place_at_all_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_temporary_folder_is_reported_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def none(**_: object) -> str:
         raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found")
 
@@ -188,7 +190,7 @@ def test_no_place_at_all_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.M
         area(MPI.COMM_SELF, tmp_path / "file" / "forms")
 
 
-def test_what_else_fails_is_told(tmp_path: Path) -> None:
+def test_other_errors_are_raised(tmp_path: Path) -> None:
     def make(folder: Path) -> None:
         raise RuntimeError("no such element")
 
@@ -196,7 +198,7 @@ def test_what_else_fails_is_told(tmp_path: Path) -> None:
         form_cache.compiled(MPI.COMM_SELF, tmp_path, make)
 
 
-def test_that_there_is_no_compiler_is_told_in_a_line(
+def test_missing_compiler_is_reported_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CC", f"{tmp_path}/gcc -O1")
@@ -207,7 +209,7 @@ def test_that_there_is_no_compiler_is_told_in_a_line(
 
 
 def test_forms_are_spread_over_folders(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Each look-up lists a folder: none grows with all that was ever compiled."""
+    """A look-up lists its folder, so no folder may collect all compiled forms."""
     listed: list[Path] = []
     monkeypatch.setattr(compat, "jit_options", lambda: {"cache_dir": tmp_path})
 

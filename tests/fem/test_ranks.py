@@ -1,4 +1,4 @@
-"""Ranks: shares of a mesh, extremes and failures that reach all, communicators that are freed."""
+"""Ranks: partition of a mesh, extremes and failures on all ranks, freed communicators."""
 
 from __future__ import annotations
 
@@ -37,35 +37,35 @@ def rim_of(mesh: SectionMesh) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mesh", [slab(), billet()], ids=["slab", "billet"])
-def test_two_ranks_share_cells_and_rim(mesh: SectionMesh) -> None:
+def test_two_ranks_have_equal_shares_of_cells_and_rim(mesh: SectionMesh) -> None:
     rim = rim_of(mesh)
     rank = straight_cuts(mesh.points, mesh.cells, rim, 2)
-    for shared in (rank, rank[rim]):
-        assert abs(np.diff(np.bincount(shared, minlength=2))) <= 2
+    for ranks in (rank, rank[rim]):
+        assert abs(np.diff(np.bincount(ranks, minlength=2))) <= 2
 
 
 @pytest.mark.parametrize("ranks", [1, 3, 5])
-def test_each_rank_has_as_many_cells_as_any_other(ranks: int) -> None:
+def test_ranks_have_equal_numbers_of_cells(ranks: int) -> None:
     mesh = slab()
     cells = np.bincount(straight_cuts(mesh.points, mesh.cells, rim_of(mesh), ranks))
     assert len(cells) == ranks
     assert np.ptp(cells) <= 2
 
 
-def test_more_ranks_than_cells_leave_some_without() -> None:
+def test_more_ranks_than_cells_leave_some_empty() -> None:
     mesh = slab()
     rank = straight_cuts(mesh.points, mesh.cells[:2], np.ones(2, bool), 4)
     assert len(set(rank.tolist())) == 2 and set(rank.tolist()) <= set(range(4))
 
 
-def test_orderings_of_several_ranks_are_those_of_the_default_factorisation_alone() -> None:
+def test_orderings_for_ranks_apply_to_the_default_solver_only() -> None:
     named = set(SEVERAL_RANKS)
     assert named <= set(split_options({}, True, 2)[1])
     assert not named & set(split_options({}, True, 1)[1])
     assert not named & set(split_options({"pc_type": "lu"}, True, 2)[1])
     assert set(MUMPS) <= set(split_options({}, True, 2)[1])
-    alone = split_options({}, False, 1)[1]
-    assert (OWN if has_minimum_degree() else MUMPS).items() <= alone.items()
+    unsymmetric = split_options({}, False, 1)[1]
+    assert (OWN if has_minimum_degree() else MUMPS).items() <= unsymmetric.items()
     assert not set(MUMPS) & set(split_options({"pc_type": "lu"}, True, 1)[1])
     of_mumps = split_options({"mat_mumps_icntl_14": 80}, True, 1)[1]
     assert of_mumps["pc_factor_mat_solver_type"] == "mumps"
@@ -74,7 +74,7 @@ def test_orderings_of_several_ranks_are_those_of_the_default_factorisation_alone
 
 @pytest.fixture
 def without_collector() -> Iterator[None]:
-    """As where Python finds no reason to collect garbage."""
+    """Switch the garbage collector off."""
     gc.collect()
     gc.disable()
     yield
@@ -82,27 +82,27 @@ def without_collector() -> Iterator[None]:
 
 
 def next_handle() -> int:
-    """The handle of the next communicator: MPI hands out those that were given back first."""
-    own = MPI.COMM_SELF.Dup()
-    handle = own.py2f()
-    own.Free()
+    """Return the handle of the next communicator; MPI reuses freed handles first."""
+    duplicate = MPI.COMM_SELF.Dup()
+    handle = duplicate.py2f()
+    duplicate.Free()
     return handle
 
 
-def test_a_mesh_gives_back_what_earlier_ones_held(without_collector: None) -> None:
+def test_communicators_of_unused_meshes_are_freed(without_collector: None) -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     cells = np.array([[0, 1, 2], [1, 2, 3]])
     handles = []
     for _ in range(6):
         mesh = compat.create_mesh(MPI.COMM_SELF, cells, square, "triangle", 1)
         ring: list[object] = [fem.functionspace(mesh, ("Lagrange", 1))]
-        ring.append(ring)  # as a problem and its solver hold each other
+        ring.append(ring)  # a cycle, as of a problem and its solver
         handles.append(next_handle())
     assert max(handles[2:]) <= max(handles[:2])
 
 
 @pytest.mark.mpi
-def test_extremes() -> None:
+def test_extremes_and_nan_reach_all_ranks() -> None:
     comm = MPI.COMM_WORLD
     last = comm.size - 1
     one, none = np.array([float(comm.rank)]), np.zeros(0)
@@ -111,10 +111,10 @@ def test_extremes() -> None:
         assert reductions.largest(comm, values) == most
         assert reductions.smallest(comm, values) == least
     for rank in range(comm.size):
-        spoilt = np.array([np.nan if comm.rank == rank else 1.0])
-        assert np.isnan(reductions.largest(comm, spoilt))
-        assert np.isnan(reductions.smallest(comm, spoilt))
-        first, second = reductions.largest_of(comm, [spoilt[0], comm.rank])
+        invalid = np.array([np.nan if comm.rank == rank else 1.0])
+        assert np.isnan(reductions.largest(comm, invalid))
+        assert np.isnan(reductions.smallest(comm, invalid))
+        first, second = reductions.largest_of(comm, [invalid[0], comm.rank])
         assert np.isnan(first) and second == last
 
 
@@ -133,7 +133,7 @@ def fails(number: int) -> Callable[[], tuple[int, int]]:
 
 
 @pytest.mark.mpi
-def test_each_piece_is_done_once_and_known_to_all() -> None:
+def test_each_piece_is_done_once_for_all_ranks() -> None:
     pieces = [work(number) for number in range(5)]
     assert shared_out(COMM, pieces) == [(number, number % COMM.size) for number in range(5)]
     assert shared_out(MPI.COMM_SELF, pieces) == [(number, COMM.rank) for number in range(5)]
@@ -141,7 +141,7 @@ def test_each_piece_is_done_once_and_known_to_all() -> None:
 
 
 @pytest.mark.mpi
-def test_the_first_piece_that_fails_fails_on_all_ranks() -> None:
+def test_first_failed_piece_fails_on_all_ranks() -> None:
     pieces = [work(0), work(1), fails(2), fails(3)]
     for comm in (COMM, MPI.COMM_SELF):
         with pytest.raises(RunFailure, match="piece 2"):

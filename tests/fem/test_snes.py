@@ -1,4 +1,4 @@
-"""SNES as castfem uses it: every option arrives, none is left behind, failure has a name."""
+"""The SNES solver of castfem: options, failures, exceptions, and compiled forms."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from castfem.fem.snes import SnesSolver
 
 
 class Square:
-    """x^2 = a, for each of n unknowns."""
+    """The equations x^2 = a for n unknowns."""
 
     def __init__(self, a: float, n: int = 3) -> None:
         self.a = a
@@ -46,7 +46,7 @@ def solver(problem: Square, prefix: str = "square_", **options: Any) -> SnesSolv
     return SnesSolver(problem, problem.vector, problem.matrix, prefix, options)
 
 
-def test_it_solves_and_says_how() -> None:
+def test_solver_returns_solution_and_iterations() -> None:
     problem = Square(2.0)
     snes = solver(problem, ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic")
     snes.x.set(1.0)
@@ -57,32 +57,32 @@ def test_it_solves_and_says_how() -> None:
     snes.destroy()
 
 
-def test_a_correction_that_is_hopeless_ends_the_solve() -> None:
-    """Where it was, and the next solve begins anew."""
-    problem, hopeless = Square(4.0), [False]
+def test_rejected_correction_ends_the_solve() -> None:
+    """The unknowns are unchanged, and the next solve starts again."""
+    problem, rejected = Square(4.0), [False]
 
     def shorten(x: PETSc.Vec, correction: PETSc.Vec) -> bool | None:
-        return None if hopeless[0] else False
+        return None if rejected[0] else False
 
-    one = SnesSolver(problem, problem.vector, problem.matrix, "square_", {}, shorten=shorten)
-    one.x.set(5.0)
-    hopeless[0] = True
-    result = one.solve()
+    snes = SnesSolver(problem, problem.vector, problem.matrix, "square_", {}, shorten=shorten)
+    snes.x.set(5.0)
+    rejected[0] = True
+    result = snes.solve()
     assert not result.converged and result.reason == "DIVERGED_LINE_SEARCH"
-    assert np.array_equal(one.x.getArray(), [5.0] * 3) and result.iterations <= 1
-    hopeless[0] = False
-    assert one.solve().converged
-    assert one.x.getArray() == pytest.approx([2.0] * 3, rel=1e-12)
+    assert np.array_equal(snes.x.getArray(), [5.0] * 3) and result.iterations <= 1
+    rejected[0] = False
+    assert snes.solve().converged
+    assert snes.x.getArray() == pytest.approx([2.0] * 3, rel=1e-12)
 
 
-def test_what_petsc_cannot_do_is_told_with_the_option() -> None:
-    """It finds out only when it factors: it has no ILU of a matrix of several ranks."""
+def test_options_that_fail_in_petsc_are_reported() -> None:
+    """PETSc has no ILU of a matrix on several ranks, which it detects when it factorises."""
     problem = Square(2.0)
     problem.matrix.convert("mpiaij")
     snes = solver(problem, pc_type="ilu", snes_max_it=9)
     snes.x.set(1.0)
-    told = r'square solver, pc_type = "ilu": PETSc refuses: .*ILU and matrix type mpiaij; its'
-    with pytest.raises(InputError, match=told):
+    message = r'square solver, pc_type = "ilu": PETSc refuses: .*ILU and matrix type mpiaij; its'
+    with pytest.raises(InputError, match=message):
         snes.solve()
     snes.destroy()
 
@@ -111,27 +111,27 @@ def test_every_option_reaches_snes_ksp_and_pc() -> None:
     snes.destroy()
 
 
-def late(problem: Square, **options: Any) -> tuple[SnesSolver, list[str]]:
-    """A solver, and a list that gets what PETSc's database holds for it while it solves."""
-    made, seen = solver(problem, **options), []
+def recorded(problem: Square, **options: Any) -> tuple[SnesSolver, list[str]]:
+    """Return a solver and a list that records an option of PETSc's database while it solves."""
+    snes, seen = solver(problem, **options), []
     jacobian = problem.jacobian
 
-    def noted(x: PETSc.Vec, out: PETSc.Mat) -> None:
+    def record(x: PETSc.Vec, out: PETSc.Mat) -> None:
         seen.append(PETSc.Options().getString("square_mat_mumps_icntl_14", ""))
         jacobian(x, out)
 
-    problem.jacobian = noted  # type: ignore[method-assign]
-    made.x.set(1.0)
-    return made, seen
+    problem.jacobian = record  # type: ignore[method-assign]
+    snes.x.set(1.0)
+    return snes, seen
 
 
-def test_options_bind_one_solver_while_it_solves() -> None:
-    """What is read when a matrix is first factored is there, even if another solver came after."""
-    first, seen = late(Square(2.0), mat_mumps_icntl_14=80, ksp_type="preonly", pc_type="lu")
-    second, others = late(Square(2.0), mat_mumps_icntl_14=33, ksp_type="preonly", pc_type="lu")
+def test_options_are_set_only_while_their_solver_solves() -> None:
+    """Options read in the first factorisation are set even if another solver was made later."""
+    first, seen = recorded(Square(2.0), mat_mumps_icntl_14=80, ksp_type="preonly", pc_type="lu")
+    second, others = recorded(Square(2.0), mat_mumps_icntl_14=33, ksp_type="preonly", pc_type="lu")
     assert not any(name.startswith("square_") for name in PETSc.Options().getAll())
-    for made in (first, second):
-        assert made.solve().converged
+    for snes in (first, second):
+        assert snes.solve().converged
         assert not any(name.startswith("square_") for name in PETSc.Options().getAll())
     assert set(seen) == {"80"} and set(others) == {"33"}
 
@@ -139,63 +139,63 @@ def test_options_bind_one_solver_while_it_solves() -> None:
 @pytest.mark.parametrize(
     ("asked", "expected"), [((), [True, False]), (("ksp_type",), [True, True])]
 )
-def test_what_a_user_asks_for_is_there_at_each_solve(
+def test_options_of_the_user_are_set_at_each_solve(
     monkeypatch: pytest.MonkeyPatch, asked: tuple[str, ...], expected: list[bool]
 ) -> None:
     """PETSc reads some options at each solve, but none of castfem's own."""
-    problem, there, whole = Square(2.0), [], Square.jacobian
+    problem, present, original = Square(2.0), [], Square.jacobian
 
     def jacobian(self: Square, x: PETSc.Vec, out: PETSc.Mat) -> None:
-        there.append(PETSc.Options().hasName("square_ksp_type"))
-        whole(self, x, out)
+        present.append(PETSc.Options().hasName("square_ksp_type"))
+        original(self, x, out)
 
     monkeypatch.setattr(Square, "jacobian", jacobian)
     options = {"ksp_type": "preonly", "pc_type": "lu"}
-    one = SnesSolver(problem, problem.vector, problem.matrix, "square_", options, asked=asked)
+    snes = SnesSolver(problem, problem.vector, problem.matrix, "square_", options, asked=asked)
     found = []
     for _ in expected:
-        there.clear()
-        one.x.set(1.0)
-        assert one.solve().converged
-        found.append(all(there))
+        present.clear()
+        snes.x.set(1.0)
+        assert snes.solve().converged
+        found.append(all(present))
     assert found == expected
-    one.destroy()
+    snes.destroy()
 
 
-def test_options_go_when_a_callback_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_are_removed_when_a_callback_raises(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Square(2.0)
-    made = solver(problem, mat_mumps_icntl_14=80)
+    snes = solver(problem, mat_mumps_icntl_14=80)
     monkeypatch.setattr(problem, "jacobian", lambda *_: 1 / 0)
-    made.x.set(1.0)
+    snes.x.set(1.0)
     with pytest.raises(ZeroDivisionError):
-        made.solve()
+        snes.solve()
     assert not PETSc.Options().hasName("square_mat_mumps_icntl_14")
 
 
-def test_option_that_petsc_never_reads_is_told_once(told: pytest.LogCaptureFixture) -> None:
-    made = solver(
+def test_option_that_petsc_never_reads_is_reported_once(told: pytest.LogCaptureFixture) -> None:
+    snes = solver(
         Square(2.0), ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic", snes_maxit=1
     )
     for _ in range(2):
-        made.x.set(1.0)
-        assert made.solve().iterations == 5
+        snes.x.set(1.0)
+        assert snes.solve().iterations == 5
     assert [r.getMessage() for r in told.records] == [
         'square solver: PETSc has not read snes_maxit = "1": its name is wrong, or it is unused'
     ]
 
 
-def test_defaults_that_petsc_never_reads_are_not_told(told: pytest.LogCaptureFixture) -> None:
+def test_defaults_that_petsc_never_reads_are_not_reported(told: pytest.LogCaptureFixture) -> None:
     problem = Square(2.0)
     options = {"snes_type": "newtontr", "snes_linesearch_type": "basic", "pc_typ": "lu"}
-    made = SnesSolver(
+    snes = SnesSolver(
         problem, problem.vector, problem.matrix, "square_", options, asked=("pc_typ",)
     )
-    made.x.set(1.0)
-    made.solve()
+    snes.x.set(1.0)
+    snes.solve()
     assert len(told.records) == 1 and "pc_typ" in told.text
 
 
-def test_command_line_has_the_last_word() -> None:
+def test_command_line_has_priority() -> None:
     database = PETSc.Options()
     database.setValue("square_snes_max_it", 3)
     try:
@@ -207,12 +207,12 @@ def test_command_line_has_the_last_word() -> None:
         database.delValue("square_snes_max_it")
 
 
-def test_stranger_among_the_options_is_named() -> None:
+def test_unknown_option_is_rejected() -> None:
     with pytest.raises(InputError, match=r"'tolerance'.*snes_"):
         solver(Square(2.0), tolerance=1e-3)
 
 
-def test_value_petsc_refuses_is_an_input_error() -> None:
+def test_value_rejected_by_petsc_is_an_input_error() -> None:
     with pytest.raises(InputError, match=r'^refused solver, ksp_type = "none_such": .* KSP type'):
         solver(
             Square(2.0),
@@ -225,7 +225,7 @@ def test_value_petsc_refuses_is_an_input_error() -> None:
 
 
 @pytest.mark.parametrize(("start", "a", "reason"), [(0.9, -1.0, "MAX_IT"), (np.nan, 2.0, "NAN")])
-def test_failure_has_a_name(start: float, a: float, reason: str) -> None:
+def test_failure_has_its_reason(start: float, a: float, reason: str) -> None:
     snes = solver(
         Square(a), ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic", snes_max_it=8
     )
@@ -239,18 +239,18 @@ def test_failure_has_a_name(start: float, a: float, reason: str) -> None:
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, InputError, ZeroDivisionError])
 @pytest.mark.parametrize("where", ["residual", "jacobian", "norms"])
-def test_what_a_callback_raises_comes_out(
+def test_exceptions_of_callbacks_are_raised(
     where: str, kind: type[BaseException], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = Square(2.0)
-    made = solver(problem)
-    made.x.set(1.0)
+    snes = solver(problem)
+    snes.x.set(1.0)
 
     def stopped(*_: Any) -> None:
         raise kind("stop")
 
     class Garbage:
-        """In a cycle, so that a search for garbage finds it."""
+        """An object in a cycle, which only the garbage collector can free."""
 
         def __init__(self) -> None:
             self.itself = self
@@ -261,17 +261,17 @@ def test_what_a_callback_raises_comes_out(
         garbage = [Garbage() for _ in range(50)]
         del garbage
         before = gc.get_threshold()
-        gc.set_threshold(1)  # PETSc's Python interface crashes if garbage is met on the way
+        gc.set_threshold(1)  # PETSc's Python interface crashes if garbage is collected meanwhile
         try:
             with pytest.raises(kind, match="stop"):
-                made.solve()
+                snes.solve()
         finally:
             gc.set_threshold(*before)
         assert gc.isenabled()
-    assert not made.watch._stack
+    assert not snes.watch._stack
 
 
-# A form that would be integrated by a wrong rule is refused; others give their number.
+# A form that would be integrated by a wrong rule is rejected; others have their value.
 
 
 TOP, OTHERS = 1, 2
@@ -279,7 +279,7 @@ TOP, OTHERS = 1, 2
 
 @pytest.fixture(scope="module")
 def square() -> tuple[mesh.Mesh, mesh.MeshTags]:
-    """A unit square, whose top has a tag of its own."""
+    """Return a unit square with a separate tag on its top."""
     cells = mesh.create_unit_square(MPI.COMM_SELF, 2, 2, mesh.CellType.quadrilateral)
     cells.topology.create_connectivity(1, 2)
     facets = mesh.exterior_facet_indices(cells.topology)
@@ -293,19 +293,19 @@ def perimeter(square: tuple[mesh.Mesh, mesh.MeshTags], tags: tuple[int, ...], de
     return fem.Constant(square[0], 2.0) * ds(tags)
 
 
-def test_two_rules_on_a_shared_tag_are_refused(square: tuple[mesh.Mesh, mesh.MeshTags]) -> None:
+def test_two_rules_on_a_shared_tag_are_rejected(square: tuple[mesh.Mesh, mesh.MeshTags]) -> None:
     both = perimeter(square, (TOP, OTHERS), 3) + perimeter(square, (TOP,), 5)
     with pytest.raises(ValueError, match="two quadrature rules share the tag 1"):
         compile_form(both)
-    one = fem.Constant(square[0], 0.0) * ufl.dx(CELLS, domain=square[0])
+    on_cells = fem.Constant(square[0], 0.0) * ufl.dx(CELLS, domain=square[0])
     with pytest.raises(ValueError, match="two quadrature rules share the tag 1"):
-        CellForm(square[0], both + one)
+        CellForm(square[0], both + on_cells)
 
 
 @pytest.mark.parametrize(
     ("tags", "degree"), [((TOP,), 3), ((TOP, OTHERS), 5)], ids=["one rule", "the same tags"]
 )
-def test_one_rule_or_the_same_tags_are_right(
+def test_one_rule_or_equal_tags_are_integrated(
     square: tuple[mesh.Mesh, mesh.MeshTags], tags: tuple[int, ...], degree: int
 ) -> None:
     both = perimeter(square, (TOP, OTHERS), 3) + perimeter(square, tags, degree)
@@ -318,7 +318,7 @@ LEFT, BOTTOM, RIGHT, ABOVE = range(4)
 
 @pytest.fixture(scope="module")
 def sides() -> tuple[mesh.Mesh, mesh.MeshTags]:
-    """A rectangle each of whose sides has a tag."""
+    """Return a rectangle with a tag on each side."""
     corners = [(0.0, 0.0), (1.3, 0.7)]
     cells = mesh.create_rectangle(MPI.COMM_SELF, corners, (3, 2), mesh.CellType.quadrilateral)
     cells.topology.create_connectivity(1, 2)
@@ -334,7 +334,7 @@ def pressed(
     *loads: tuple[int, ...],
     volume: str | int = "everywhere",
 ) -> ufl.Form:
-    """A load on the cells and, each on its sides, loads 1, x, ..."""
+    """Return a form with a load on the cells and loads 1, x, ... on sides."""
     cells, tags = sides
     rule = {"quadrature_rule": "default", "quadrature_degree": 3}
     ds = ufl.Measure("ds", domain=cells, subdomain_data=tags, metadata=rule)
@@ -344,7 +344,7 @@ def pressed(
     return sum((x[0] ** n * v * ds(on) for n, on in enumerate(loads)), ufl.sin(x[1]) * v * dx)
 
 
-def test_a_form_is_compiled_once_for_all_sides(sides: tuple[mesh.Mesh, mesh.MeshTags]) -> None:
+def test_form_is_compiled_once_for_all_sides(sides: tuple[mesh.Mesh, mesh.MeshTags]) -> None:
     on = {tags: compile_form(pressed(sides, tags)) for tags in ((LEFT,), (ABOVE,), (LEFT, ABOVE))}
     volume = 1.3 * (1.0 - np.cos(0.7))
     for (tags, form), length in zip(on.items(), (0.7, 1.3, 2.0), strict=True):
@@ -357,7 +357,7 @@ def test_a_form_is_compiled_once_for_all_sides(sides: tuple[mesh.Mesh, mesh.Mesh
     [((LEFT, RIGHT, ABOVE), (BOTTOM,)), ((LEFT, BOTTOM), (BOTTOM, RIGHT))],
     ids=["one between others", "overlapping"],
 )
-def test_renumbered_tags_change_no_bit(
+def test_renumbered_tags_give_identical_results(
     sides: tuple[mesh.Mesh, mesh.MeshTags], loads: tuple[tuple[int, ...], ...]
 ) -> None:
     form = pressed(sides, *loads)

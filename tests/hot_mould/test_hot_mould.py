@@ -1,4 +1,4 @@
-"""The hot mould as a whole: flux on its wall, the wall it leaves, cold and at work, on ranks."""
+"""The hot mould: heat flux on its wall, shape and temperature of the wall, several ranks."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def mould(taper: float = 0.0) -> Mould:
 
 
 def settings(**changes: object) -> TubeSettings:
-    given = {"size": 0.04, "across": 1, **changes}
-    return TubeSettings(0.01, 0.1, Constant(3e4), WATER, **given)  # type: ignore[arg-type]
+    options = {"size": 0.04, "across": 1, **changes}
+    return TubeSettings(0.01, 0.1, Constant(3e4), WATER, **options)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def heated() -> tuple[HotMould, HotWall, FluxMap]:
     return tube, tube.solve(flux), flux
 
 
-def test_profile_falls_to_the_corner() -> None:
+def test_profile_decreases_to_the_corner() -> None:
     found = profile(Constant(2e6), SQUARE, 0.6, corner=0.5, reach=0.02)
     right, arc, _ = lengths(SQUARE)
     ways = np.array([0.0, right - 0.02, right - 0.01, right, right + 0.5 * arc, right + arc + 0.02])
@@ -60,8 +60,8 @@ def test_profile_falls_to_the_corner() -> None:
     assert profile(Constant(1e6), ROUND, 0.6, corner=0.5).flux == pytest.approx(1e6)
 
 
-def test_copper_that_would_melt_ends_it() -> None:
-    """Without water nothing holds its temperature: no wall comes of that."""
+def test_melting_copper_is_reported() -> None:
+    """With too little cooling no valid wall results."""
     flux = profile(Constant(2e6), SQUARE, 0.6)
     dry = TubeSettings(0.01, 0.1, Constant(100.0), WATER, size=0.04, across=1)
     with pytest.raises(RunFailure, match=r"would reach \d{4,} degC and melts at 1085 degC: check"):
@@ -69,8 +69,8 @@ def test_copper_that_would_melt_ends_it() -> None:
 
 
 @pytest.mark.parametrize("times", [1.0, 0.99])
-def test_flux_of_a_strand_goes_to_its_place(times: float) -> None:
-    """Of a quarter and of the whole, also of a strand a little smaller than its mould."""
+def test_flux_of_a_strand_is_mapped_to_the_wall(times: float) -> None:
+    """Of a quarter and of a full section, also of a strand slightly smaller than its mould."""
     places = Places.spread(SQUARE, 6, 5)
     quarter, _ = places.on(SQUARE)
     flux = np.array([[1e6], [2e6]]) * np.exp(-((places.ways(SQUARE) / 0.05) ** 2))
@@ -78,12 +78,14 @@ def test_flux_of_a_strand_goes_to_its_place(times: float) -> None:
     assert found.on(np.array([0.5]), places.ways(SQUARE))[0] == pytest.approx(flux[1], rel=2e-2)
     assert found.on(np.array([0.25]), places.ways(SQUARE))[0, 0] == pytest.approx(1.5e6)
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    whole = np.concatenate([times * quarter * sign for sign in signs])
-    again = of_strand(np.array([0.0, 0.5]), whole, np.tile(flux, 4), SQUARE)
+    full = np.concatenate([times * quarter * sign for sign in signs])
+    again = of_strand(np.array([0.0, 0.5]), full, np.tile(flux, 4), SQUARE)
     assert again.flux == pytest.approx(found.flux)
 
 
-def test_heat_of_the_strand_is_that_of_the_water(heated: tuple[HotMould, HotWall, FluxMap]) -> None:
+def test_heat_of_the_strand_is_removed_by_the_water(
+    heated: tuple[HotMould, HotWall, FluxMap],
+) -> None:
     tube, wall, flux = heated
     assert wall.heated.supplied == pytest.approx(flux.heat(tube.positions), rel=2e-4)
     assert wall.heated.removed == pytest.approx(wall.heated.supplied, rel=1e-8)
@@ -91,23 +93,23 @@ def test_heat_of_the_strand_is_that_of_the_water(heated: tuple[HotMould, HotWall
     assert wall.displacement.positions[-1] == pytest.approx(0.6)
 
 
-def test_wall_in_the_middle_is_that_of_its_thickness(
+def test_temperature_at_mid_length_is_that_of_a_plane_wall(
     heated: tuple[HotMould, HotWall, FluxMap],
 ) -> None:
-    """Far from ends and corner the copper conducts straight through the wall."""
+    """Far from ends and corner the conduction is one-dimensional."""
     _, wall, _ = heated
     middle = int(np.argmin(np.abs(wall.displacement.positions - 0.3)))
     q = 2.2e6 - 0.8e6 * wall.displacement.positions[middle] / 0.6
     outer = 313.15 + q / 3e4
     assert wall.outer[middle, 0] == pytest.approx(outer, abs=0.5)
     assert wall.hot[middle, 0] == pytest.approx(outer + q * 0.01 / 380.0, abs=0.8)
-    # Hottest a little below the meniscus, by conduction up the tube (V.2.4).
+    # The maximum is slightly below the meniscus, by conduction up the tube (V.2.4).
     hottest = wall.displacement.positions[wall.hot[:, 0].argmax()]
     assert 0.02 < hottest < 0.12
 
 
-def test_the_corner_of_a_bloom_is_not_half_way_round() -> None:
-    """Its place on the wall; a round has none."""
+def test_corner_of_a_bloom_is_located() -> None:
+    """For unequal sides it is not at half the quarter; a round section has no corner."""
     bloom = sides_of(RectangleCavity(0.2, 0.11, 0.008), (tapers := mould(0.0).tapers), 0.0)
     places = Places.spread(bloom, 8, 6)
     at = corner_of(bloom, places.ways(bloom))
@@ -118,8 +120,8 @@ def test_the_corner_of_a_bloom_is_not_half_way_round() -> None:
     assert corner_of(round_, Places.spread(round_, 8, 6).ways(round_)) is None
 
 
-def test_width_is_about_that_of_free_expansion(heated: tuple[HotMould, HotWall, FluxMap]) -> None:
-    """The face between two corners bends; over the section its mean is that of the temperature."""
+def test_width_is_near_that_of_free_expansion(heated: tuple[HotMould, HotWall, FluxMap]) -> None:
+    """The face between two corners bends; its mean is that of the mean temperature."""
     _, wall, _ = heated
     middle = int(np.argmin(np.abs(wall.displacement.positions - 0.3)))
     mean = 0.5 * (wall.hot[middle] + wall.outer[middle])
@@ -135,7 +137,7 @@ def test_width_is_about_that_of_free_expansion(heated: tuple[HotMould, HotWall, 
     assert wall.longer == pytest.approx(ALPHA * 0.7 * rise, rel=0.3)
 
 
-def test_uniform_temperature_expands_the_wall_alike() -> None:
+def test_uniform_temperature_expands_the_wall_uniformly() -> None:
     warm = Constant(398.15)
     tube = HotMould(MPI.COMM_SELF, mould(0.02), PLAIN, settings(hot_face=warm, water_side=warm))
     wall = tube.solve(None)
@@ -146,12 +148,12 @@ def test_uniform_temperature_expands_the_wall_alike() -> None:
     assert wall.profile()[1] == pytest.approx(398.15)
 
 
-def test_round_tube_is_the_hollow_cylinder_far_from_its_ends() -> None:
-    """Plane stress along: u(a) = 2 alpha / (a (b^2/a^2 - 1)) int (T - T_cold) r dr / a."""
+def test_round_tube_is_the_hollow_cylinder_at_mid_length() -> None:
+    """With free ends u(a) = 2 alpha / (a (b^2/a^2 - 1)) int (T - T_cold) r dr / a."""
     cavity = RoundCavity(0.12)
     shape = Mould(cavity, 0.8, same(Taper.single(0.0, 0.8)))
-    given = TubeSettings(0.02, 0.0, Constant(3e4), WATER, size=0.03, across=2)
-    tube = HotMould(MPI.COMM_SELF, shape, PLAIN, given)
+    chosen = TubeSettings(0.02, 0.0, Constant(3e4), WATER, size=0.03, across=2)
+    tube = HotMould(MPI.COMM_SELF, shape, PLAIN, chosen)
     flux = profile(Constant(2e6), sides_of(cavity, shape.tapers, 0.0), 0.8)
     wall = tube.solve(flux)
     a, b, k = 0.06, 0.08, 380.0
@@ -165,16 +167,16 @@ def test_round_tube_is_the_hollow_cylinder_far_from_its_ends() -> None:
     assert found == pytest.approx(exact, rel=2e-4)
 
 
-def test_temperature_from_the_workshop_counts() -> None:
+def test_expansion_counts_from_the_cold_temperature() -> None:
     warm = Constant(50.0 + ZERO_CELSIUS)
     tube = HotMould(MPI.COMM_SELF, mould(), PLAIN, settings(hot_face=warm, water_side=warm))
     assert tube.solve(None).displacement.moved[5, 0, 0] == pytest.approx(25.0 * ALPHA * 0.0625)
 
 
-def test_file_for_paraview_holds_the_tube(
+def test_file_for_paraview_contains_the_tube(
     heated: tuple[HotMould, HotWall, FluxMap], tmp_path: Path
 ) -> None:
-    """Its cells have the volume of the tube, their corners the values of the nodes."""
+    """The cells have the volume of the tube, their corners the values of the nodes."""
     model, wall, _ = heated
     write_tube(tmp_path / "tube.vtu", wall)
     found = meshio.read(tmp_path / "tube.vtu")
@@ -194,15 +196,17 @@ def test_file_for_paraview_holds_the_tube(
     block = found.point_data["temperature"].reshape(along, around, across)
     assert block[-len(wall.hot) :, :, 0] == pytest.approx(wall.hot, abs=1e-3)
     assert np.ptp(found.points[:, 2]) == pytest.approx(0.7)
-    assert found.points[:, 2].max() == pytest.approx(0.1)  # up, from the meniscus
+    assert found.points[:, 2].max() == pytest.approx(0.1)  # upwards from the meniscus
     lower = found.point_data["displacement"].reshape(along, around, across, 3)[-1]
-    assert lower[..., 2].mean() == pytest.approx(-wall.longer, rel=1e-3)  # it hangs and grows down
+    assert lower[..., 2].mean() == pytest.approx(
+        -wall.longer, rel=1e-3
+    )  # it is hung and expands downwards
 
 
-def test_stress_in_the_file_is_that_of_a_bar_between_two_walls(tmp_path: Path) -> None:
+def test_stress_in_the_file_is_that_of_a_constrained_bar(tmp_path: Path) -> None:
     warm = Constant(50.0 + ZERO_CELSIUS)
-    held = settings(hot_face=warm, water_side=warm, support="between")
-    wall = HotMould(MPI.COMM_SELF, mould(), PLAIN, held).solve(None)
+    fixed = settings(hot_face=warm, water_side=warm, support="between")
+    wall = HotMould(MPI.COMM_SELF, mould(), PLAIN, fixed).solve(None)
     write_tube(tmp_path / "tube.vtu", wall)
     stress = meshio.read(tmp_path / "tube.vtu").point_data["von_mises"]
     assert stress == pytest.approx(117e9 * ALPHA * 25.0, rel=1e-6)
@@ -211,7 +215,7 @@ def test_stress_in_the_file_is_that_of_a_bar_between_two_walls(tmp_path: Path) -
 
 
 def solved(comm: MPI.Comm, method: str, support: str) -> list[Array] | None:
-    """Heat, stress, temperature and displacement of a tube; on the first rank."""
+    """Solve a tube; return heat, stress, temperature and displacement on the first rank."""
     mesh = tube_mesh(SQUARE, (1, 2, 6), 0.01, 0.3) if comm.rank == 0 else None
     tube = Tube(comm, mesh)
     nodes = comm.bcast(None if mesh is None else mesh.points)
@@ -229,7 +233,7 @@ def solved(comm: MPI.Comm, method: str, support: str) -> list[Array] | None:
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(("method", "support"), [("direct", "hung"), ("multigrid", "free")])
-def test_many_ranks_are_one(method: str, support: str) -> None:
+def test_results_are_independent_of_ranks(method: str, support: str) -> None:
     one, many = (solved(comm, method, support) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
     assert one is not None and (many is None) == (MPI.COMM_WORLD.rank > 0)
     for first, second in zip(one, many or one, strict=True):

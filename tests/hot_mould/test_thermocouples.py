@@ -1,4 +1,4 @@
-"""Thermocouples in the copper: closed form of a round tube, and a case fitted to what they read."""
+"""Thermocouples in the copper: closed form of a round tube, and a case fitted to readings."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ IN_A_MOULD = {
 }
 
 
-def tubed(tube: dict[str, Any] | None = None, rows: list[dict[str, Any]] | None = None) -> Case:
-    """The small billet in a mould of its length, with a row of thermocouples at mid-face."""
-    found = rows if rows is not None else [{"name": "tc", "depth": "5 mm"}]
-    whole = {"thickness": "10 mm", "thermocouple": found, **(tube or {})}
-    return small({**IN_A_MOULD, "mould": {"length": "60 mm", "taper": "1 %/m", "tube": whole}})
+def case_with_tube(
+    tube: dict[str, Any] | None = None, rows: list[dict[str, Any]] | None = None
+) -> Case:
+    """Return the small billet in a mould of its length with thermocouples at mid-face."""
+    thermocouples = rows if rows is not None else [{"name": "tc", "depth": "5 mm"}]
+    table = {"thickness": "10 mm", "thermocouple": thermocouples, **(tube or {})}
+    return small({**IN_A_MOULD, "mould": {"length": "60 mm", "taper": "1 %/m", "tube": table}})
 
 
-def test_a_round_tube_reads_what_its_closed_form_says() -> None:
+def test_round_tube_has_the_temperature_of_its_closed_form() -> None:
     """T = T_water + q a/(h b) + q a ln(b/r)/k, far from the ends of the heated length."""
     a, b, depth, q, h, k = 0.06, 0.08, 0.005, 2e6, 3e4, 380.0
     section = {"shape": "round", "diameter": "120 mm", "symmetry": "quarter"}
@@ -59,8 +61,8 @@ def test_a_round_tube_reads_what_its_closed_form_says() -> None:
     )
     (row,) = tube_of(case).thermocouple
     read = CopperTemperatures(case, Path()).at(row, 0.2)
-    wanted = 40.0 + 273.15 + q * a / (h * b) + q * a * np.log(b / (a + depth)) / k
-    assert read.value == pytest.approx(wanted, abs=0.2)
+    expected = 40.0 + 273.15 + q * a / (h * b) + q * a * np.log(b / (a + depth)) / k
+    assert read.value == pytest.approx(expected, abs=0.2)
     assert read.shown_unit == "degC"
 
 
@@ -72,42 +74,42 @@ def tube_of(case: Case) -> Any:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found = tmp_path_factory.mktemp("tubed") / "run"
-    castfem.run(tubed(), folder=found)
+    castfem.run(case_with_tube(), folder=found)
     return found
 
 
-def test_a_run_leaves_the_heat_that_its_hot_mould_takes(folder: Path) -> None:
-    """wall_flux.csv heats the copper as the run in memory of `castfem mould --hot` does."""
+def test_wall_flux_of_a_run_heats_the_hot_mould(folder: Path) -> None:
+    """The file wall_flux.csv gives the same copper as the run of `castfem mould --hot`."""
     from mpi4py import MPI
 
-    (turn,) = hot_mould_of(tubed(), MPI.COMM_SELF, "here")
+    (turn,) = hot_mould_of(case_with_tube(), MPI.COMM_SELF, "here")
     flux = read_wall_flux(folder, LENGTH)
     tube = turn.wall.model
     again = tube.heat(flux)
-    known = turn.wall.heated
-    assert again.supplied == pytest.approx(known.supplied, rel=1e-9)
+    expected = turn.wall.heated
+    assert again.supplied == pytest.approx(expected.supplied, rel=1e-9)
     at = np.array([0.03])
-    both = [tube.temperature_at(one, at, 0.0, 0.005) for one in (again, known)]
+    both = [tube.temperature_at(one, at, 0.0, 0.005) for one in (again, expected)]
     assert both[0] == pytest.approx(both[1], abs=1e-6)
 
 
-def test_a_resumed_run_has_the_same_heat_to_the_byte(folder: Path, tmp_path: Path) -> None:
-    short = tubed().with_({"casting.length": "30 mm"})
+def test_resumed_run_has_an_identical_wall_flux_file(folder: Path, tmp_path: Path) -> None:
+    short = case_with_tube().with_({"casting.length": "30 mm"})
     castfem.run(short, folder=tmp_path / "run")
-    castfem.run(tubed(), folder=tmp_path / "run", resume=True)
+    castfem.run(case_with_tube(), folder=tmp_path / "run", resume=True)
     name = "wall_flux.csv"
     assert (tmp_path / "run" / name).read_bytes() == (folder / name).read_bytes()
 
 
-def test_water_is_fitted_to_thermocouples(tmp_path: Path) -> None:
-    """Temperatures of a case with other water give its heat transfer back."""
-    truth = tubed({"water_coefficient": "20000 W/(m^2 K)"})
+def test_water_coefficient_is_fitted_to_thermocouples(tmp_path: Path) -> None:
+    """The fit to readings of a case with another coefficient returns that coefficient."""
+    truth = case_with_tube({"water_coefficient": "20000 W/(m^2 K)"})
     castfem.run(truth, folder=tmp_path / "truth")
     places = (0.02, 0.03, 0.04)
     blank = [Measured(place, NAME, 0.0, 1.0) for place in places]
     read = computed(truth, tmp_path / "truth", blank)
     measured = [Measured(m.position, NAME, q.value, 1.0) for m, q in zip(blank, read, strict=True)]
-    case, free = tubed(), read_free(f"{H}=10000..40000 W/(m^2 K)")
+    case, free = case_with_tube(), read_free(f"{H}=10000..40000 W/(m^2 K)")
     with Evaluator(followed(case, measured), tmp_path / "fit", processes=0) as evaluator:
         found = calibrate(case, measured, [free], evaluator)
     (key,) = found.fit.keys
@@ -116,11 +118,11 @@ def test_water_is_fitted_to_thermocouples(tmp_path: Path) -> None:
     assert key.interval > 0.0 and not key.held
 
 
-def test_a_fit_follows_the_strand_to_the_exit_of_the_mould() -> None:
-    """The copper needs all the heat, wherever it is measured; a shorter case is refused."""
+def test_fit_computes_the_strand_to_the_mould_exit() -> None:
+    """The copper needs the heat of the complete mould; a shorter case is rejected."""
     measured = [Measured(0.02, NAME, 400.0, 1.0)]
-    assert followed(tubed(), measured).casting.length == pytest.approx(LENGTH)
-    short = tubed().with_({"casting.length": "30 mm"})
+    assert followed(case_with_tube(), measured).casting.length == pytest.approx(LENGTH)
+    short = case_with_tube().with_({"casting.length": "30 mm"})
     with pytest.raises(InputError, match=r"60 mm of mould.*--set casting.length"):
         followed(short, measured)
 
@@ -132,26 +134,28 @@ def test_a_fit_follows_the_strand_to_the_exit_of_the_mould() -> None:
         ([{"name": "a", "depth": "1 mm"}, {"name": "A", "depth": "2 mm"}], "1.name.*used twice"),
     ],
 )
-def test_rows_outside_the_copper_or_of_one_name_are_refused(
+def test_thermocouples_too_deep_or_named_twice_are_rejected(
     rows: list[dict[str, Any]], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        tubed(rows=rows)
+        case_with_tube(rows=rows)
 
 
-def test_a_name_of_a_probe_is_refused() -> None:
+def test_name_of_a_probe_is_rejected() -> None:
     probe = {"name": "TC", "under": "mid_face", "depth": "3 mm"}
     with pytest.raises(InputError, match="name of a probe, too"):
-        tubed().with_({"output.probe": [probe]})
+        case_with_tube().with_({"output.probe": [probe]})
 
 
-def test_what_lies_nowhere_in_the_copper_is_refused(folder: Path) -> None:
-    case = tubed(rows=[{"name": "tc", "depth": "5 mm", "way": "200 mm"}])
+def test_points_outside_the_copper_are_rejected(folder: Path) -> None:
+    case = case_with_tube(rows=[{"name": "tc", "depth": "5 mm", "way": "200 mm"}])
     (row,) = tube_of(case).thermocouple
     with pytest.raises(InputError, match=r"way .200 mm. is beyond the quarter"):
         CopperTemperatures(case, folder).at(row, 0.03)
     with pytest.raises(InputError, match="65 mm is not within the mould"):
-        CopperTemperatures(tubed(), folder).at(tube_of(tubed()).thermocouple[0], 0.065)
+        CopperTemperatures(case_with_tube(), folder).at(
+            tube_of(case_with_tube()).thermocouple[0], 0.065
+        )
     wrong = Measured(0.03, "tc.solid_fraction", 0.5, 0.1)
     with pytest.raises(InputError, match=r"has no solid_fraction.*it has temperature"):
-        _check_results(tubed(), [wrong])
+        _check_results(case_with_tube(), [wrong])

@@ -19,7 +19,7 @@ COLD = 300.0
 
 
 def plain_copper() -> Copper:
-    """Copper whose properties do not depend on temperature."""
+    """Return copper with properties independent of temperature."""
     return Copper(Constant(380.0), Constant(17e-6), Constant(117e9), Constant(0.34), COLD)
 
 
@@ -31,7 +31,7 @@ def tube_mesh(
     order: int = 2,
     taper: float = 0.0,
 ) -> TubeMesh:
-    """Mesh of a tube; `cells` across the wall, on the corner (half a face has half), along it."""
+    """Mesh a tube; `cells` across the wall, on the corner (half a face has half), along it."""
     across, corner, along = cells
     places = Places.spread(sides, max(corner // 2, 1), corner, order)
     points, normals = places.on(sides)
@@ -47,6 +47,6 @@ def round_tube(cells: int, comm: MPI.Comm = MPI.COMM_SELF) -> Tube:
 def square_tube(
     cells: tuple[int, int, int] = (1, 2, 2), comm: MPI.Comm = MPI.COMM_SELF, taper: float = 0.02
 ) -> Tube:
-    """A square, tapered one of straight-edged cells, whose unknowns are of second order."""
+    """Build a tapered square tube of cells with straight edges and unknowns of second order."""
     mesh = tube_mesh(SQUARE, cells, 0.01, 0.2, order=1, taper=taper)
     return Tube(comm, mesh)

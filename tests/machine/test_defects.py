@@ -1,4 +1,4 @@
-"""Rolls that are off or lost: radii by [Pascon2003] (329), the line, what a case may say."""
+"""Misaligned and lost rolls: radii by [Pascon2003] (329), the strand line, cases with defects."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def steps_of(case: Case) -> Array:
     return known.steps / TONNE
 
 
-def test_three_points_on_a_circle() -> None:
+def test_circle_through_three_points_is_exact() -> None:
     for angles in ([0.1, 0.3, 0.4], [0.4, 0.3, 0.1]):
         points = [8.0 * np.array([math.cos(a), math.sin(a)]) for a in angles]
         turn = math.copysign(1.0, angles[1] - angles[0])
@@ -46,12 +46,12 @@ def test_three_points_on_a_circle() -> None:
     assert circle(*line) == pytest.approx(0.0, abs=1e-15)
 
 
-def test_the_radii_of_the_thesis_to_the_digit() -> None:
-    """6984, 11130, 7159 mm at #47 to #49 for 2 mm at #48, out of 8006 mm, and 8400 mm at #50.
+def test_radii_of_the_thesis_are_reproduced_to_the_digit() -> None:
+    """6984, 11130, 7159 mm at #47 to #49 for 2 mm at #48, with 8006 mm, and 8400 mm at #50.
 
-    The pitches are not told; three radii leave one of four open. With 331 mm between #47 and #48
-    they are 330, 331, 345 and 316 mm, and 316 is what 14 to 16.5 m are for eight pitches - if the
-    strand goes from #49 to #50 on an arc of the radius of #50.
+    The thesis does not give the pitches, and three radii determine only three of four. With 331 mm
+    between #47 and #48 they are 330, 331, 345 and 316 mm; 316 mm is also the mean of eight pitches
+    from 14 to 16.5 m, if the strand follows an arc of the radius of #50 from #49 to #50.
     """
     pitches, radii = (330.31, 331.0, 344.57, 316.0), (8006.0, 8006.0, 8006.0, 8400.0)
     points, heading = [np.zeros(2)], 0.0
@@ -66,8 +66,8 @@ def test_the_radii_of_the_thesis_to_the_digit() -> None:
     assert [round(radius) for radius in found] == [6984, 11130, 7159]
 
 
-def test_our_caster_is_bent_like_that() -> None:
-    """At #47 to #49 alone, by second differences of 2 mm; beyond the strand is as it was."""
+def test_misaligned_roll_changes_three_radii() -> None:
+    """Only those of #47 to #49, by second differences of 2 mm; the line beyond is unchanged."""
     normal, off = (
         rolls_of(REFERENCE),
         rolls_of(slab({"kind": "misaligned", "roll": 48, "by": "2 mm"})),
@@ -91,55 +91,53 @@ def test_our_caster_is_bent_like_that() -> None:
         assert after.inclination(position) == pytest.approx(before.inclination(position), abs=3e-5)
 
 
-def test_what_these_radii_make_of_the_strand() -> None:
-    """With 1/R linear in between it goes 2/3 of the way to the roll, 1/6 at the others."""
+def test_strand_is_displaced_by_two_thirds_of_the_offset() -> None:
+    """With 1/R linear between rolls: 2/3 of the offset at the roll, 1/6 at its neighbours."""
     off = rolls_of(slab(OFF))
     lines = rolls_of(REFERENCE).line(0.22), off.line(0.22)
     s = np.linspace(12.0, 15.0, 30001)
     turned = np.array([[line.inclination(float(x)) for x in s] for line in lines])
     turn = turned[1] - turned[0]
-    way = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (turn[1:] + turn[:-1]))])
+    shift = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (turn[1:] + turn[:-1]))])
     places = [pair.position for pair in off.pairs]
-    there = [1e3 * float(np.interp(places[i], s, way)) for i in (45, 46, 47, 48, 49)]
-    assert there == pytest.approx([0.0, 1 / 3, 4 / 3, 1 / 3, 0.0], abs=0.04)
+    at_rolls = [1e3 * float(np.interp(places[i], s, shift)) for i in (45, 46, 47, 48, 49)]
+    assert at_rolls == pytest.approx([0.0, 1 / 3, 4 / 3, 1 / 3, 0.0], abs=0.04)
 
 
-def test_rolls_that_stay_leave_the_strand_alone() -> None:
-    """Also in the straightener, where three rolls are on no circle of the given radius."""
+def test_zero_offset_changes_nothing() -> None:
+    """Also in the straightener, where three rolls are not on a circle of the specified radius."""
     normal = rolls_of(REFERENCE)
     assert rolls_of(slab({"kind": "misaligned", "roll": 53, "by": "0 mm"})) == normal
     assert with_radii(normal) is normal
     pairs = list(normal.pairs)
     pairs[52] = replace(pairs[52], offset=1e-9)
     found = with_radii(replace(normal, pairs=tuple(pairs)))
-    for one, other in zip(found.pairs, normal.pairs, strict=True):
-        assert 1.0 / one.radius == pytest.approx(1.0 / other.radius, abs=1e-7)
+    for pair, expected in zip(found.pairs, normal.pairs, strict=True):
+        assert 1.0 / pair.radius == pytest.approx(1.0 / expected.radius, abs=1e-7)
 
 
-def test_there_and_back_cancel() -> None:
+def test_opposite_offsets_cancel() -> None:
     both = [{"kind": "misaligned", "roll": 48, "by": by} for by in ("2 mm", "-2 mm")]
     for one, other in zip(rolls_of(slab(*both)).pairs, rolls_of(REFERENCE).pairs, strict=True):
         assert one.radius == other.radius
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(7, 0.25), (48, 0.335)])
-def test_neighbours_that_are_off_to_either_side_strain_by_a_closed_form(
-    roll: int, pitch: float
-) -> None:
-    """1/R goes by 6 d/p^2 in a pitch of time p/v: the surface by 3 f d v/p^3, 2.5e-3 1/s at #7."""
+def test_opposite_neighbours_have_a_closed_strain_rate(roll: int, pitch: float) -> None:
+    """1/R changes by 6 d/p^2 in the time p/v: surface strain rate 3 f d v/p^3, 2.5e-3 1/s at #7."""
     d, speed, thickness = 3e-3, 0.02, 0.22
     off = {"kind": "misaligned", "roll": roll, "by": "3 mm"}
     normal, largest = rolls_of(REFERENCE), []
     for defects in ([off, off | {"roll": roll + 1, "by": "-3 mm"}], [off]):
         pairs = zip(rolls_of(slab(*defects)).pairs, normal.pairs, strict=True)
-        change = np.array([1.0 / its.radius - 1.0 / pair.radius for its, pair in pairs])
+        change = np.array([1.0 / moved.radius - 1.0 / pair.radius for moved, pair in pairs])
         time = np.diff([pair.position for pair in normal.pairs]) / speed
         largest.append(np.abs(0.5 * thickness * np.diff(change) / time).max())
     assert largest[0] == pytest.approx(3.0 * thickness * d * speed / pitch**3, rel=0.06)
-    assert largest[1] == pytest.approx(0.5 * largest[0], rel=0.2)  # its pitches are not alike
+    assert largest[1] == pytest.approx(0.5 * largest[0], rel=0.2)  # its pitches are unequal
 
 
-def test_ten_millimetres_bend_the_strand_the_other_way() -> None:
+def test_offset_of_ten_millimetres_reverses_the_curvature() -> None:
     off = rolls_of(slab({"kind": "misaligned", "roll": 48, "by": "10 mm"}))
     assert off.pairs[47].radius == pytest.approx(-1.0 / (0.02 / 0.335**2 - 1 / 8.006), rel=5e-3)
     line = off.line(0.22)
@@ -147,8 +145,8 @@ def test_ten_millimetres_bend_the_strand_the_other_way() -> None:
     assert line.inclination(17.0) == pytest.approx(0.5 * math.pi, abs=2e-4)
 
 
-def test_a_lost_pair() -> None:
-    """Nothing changes on the arc; in the straightener 1/R is linear between its neighbours."""
+def test_lost_pair_keeps_the_arc_and_doubles_the_pitch() -> None:
+    """On the arc nothing changes; in the straightener 1/R is linear between the neighbours."""
     arc, unbent = (rolls_of(slab({"kind": "lost", "roll": n})) for n in (30, 53))
     assert [p.radius for p in arc.pairs] == [p.radius for p in rolls_of(REFERENCE).pairs]
     assert arc.pairs[29].lost
@@ -160,8 +158,8 @@ def test_a_lost_pair() -> None:
     assert steps[[51, 53]] == pytest.approx(1.5 * normal[51], rel=1e-6)
 
 
-def test_no_face_rests_on_a_lost_pair() -> None:
-    """The strip between the rolls, and the resistance of a coupled run, go over it."""
+def test_lost_pair_supports_no_face() -> None:
+    """The strip between rolls and the resistance of a coupled run omit it."""
     from castfem.physics.contact.roll_support import RollSupport
 
     case = load_case(FOLDER / "bulging.toml").with_(
@@ -182,8 +180,8 @@ def test_no_face_rests_on_a_lost_pair() -> None:
     assert lengths[28] == pytest.approx(0.5 * (places[30] - places[27]))
 
 
-def test_the_roll_beside_a_lost_one_is_off() -> None:
-    """The circle goes through those that are there."""
+def test_misaligned_roll_next_to_a_lost_one() -> None:
+    """The circle goes through the rolls that are present."""
     found = rolls_of(
         slab({"kind": "lost", "roll": 31}, {"kind": "misaligned", "roll": 30, "by": "2 mm"})
     )
@@ -192,8 +190,8 @@ def test_the_roll_beside_a_lost_one_is_off() -> None:
     assert change == pytest.approx(-2 * 2e-3 / (p[0] * (p[1] + p[2])), rel=5e-3)
 
 
-def test_what_a_makers_curve_becomes() -> None:
-    """Locked 20 x (328); off by 12 t over the pairs that bend more; both together add up."""
+def test_defects_change_the_curve_of_resistance() -> None:
+    """Locked: 20 times (328); misaligned: 12 t over the pairs that bend more; both add up."""
     normal = steps_of(REFERENCE)
     locked = steps_of(slab({"kind": "locked", "roll": 48})) - normal
     assert np.flatnonzero(locked).tolist() == [47]
@@ -207,24 +205,24 @@ def test_what_a_makers_curve_becomes() -> None:
     assert both == pytest.approx(off + locked, rel=1e-9)
 
 
-def test_a_locked_drive_does_not_draw() -> None:
+def test_locked_drive_does_not_pull() -> None:
     case = slab({"kind": "locked", "roll": 50})
     known = known_resistance(case.machine.extraction, case.machine)
     assert known.shares.drive[49] == 0.0 and known.capacities[49] == 0.0
 
 
-def test_nozzles_of_a_circuit_between_two_rolls() -> None:
+def test_nozzles_of_a_circuit_have_less_water() -> None:
     from castfem.model.build.secondary import rows_of
 
     sprays = load_case(FOLDER / "sprays.toml")
-    given = {
+    defect = {
         "kind": "nozzles",
         "circuit": "arc 3 intrados",
         "rolls": [47, 52],
         "share": "66 percent",
     }
-    rows, normal = (rows_of(case) for case in (sprays.with_({"machine.defect": [given]}), sprays))
-    changed = [row for row, other in zip(rows, normal, strict=True) if row != other]
+    rows, normal = (rows_of(case) for case in (sprays.with_({"machine.defect": [defect]}), sprays))
+    changed = [row for row, before in zip(rows, normal, strict=True) if row != before]
     assert [(row.circuit, row.gap, row.share) for row in changed] == [
         ("arc 3 intrados", 47, 0.66),
         ("arc 3 intrados", 48, 0.66),
@@ -232,15 +230,15 @@ def test_nozzles_of_a_circuit_between_two_rolls() -> None:
     with pytest.raises(
         InputError, match=r"defect\.0\.rolls.* meet no nozzles of \"arc 3 intrados\""
     ):
-        sprays.with_({"machine.defect": [given | {"rolls": [50, 52]}]})
+        sprays.with_({"machine.defect": [defect | {"rolls": [50, 52]}]})
     with pytest.raises(InputError, match=r'defect\.0\.circuit.*is not there; the case has "top"'):
-        sprays.with_({"machine.defect": [given | {"circuit": "arc"}]})
+        sprays.with_({"machine.defect": [defect | {"circuit": "arc"}]})
     with pytest.raises(InputError, match=r"share: must not be above 10 \(1000 percent\) \(66\)"):
-        sprays.with_({"machine.defect": [given | {"share": 66}]})
+        sprays.with_({"machine.defect": [defect | {"share": 66}]})
 
 
-def test_a_case_without_defects_is_the_case_that_it_was(tmp_path: Path) -> None:
-    """Its hash has none of it; one with defects reads back to the same."""
+def test_hash_depends_on_defects_only_if_there_are_any(tmp_path: Path) -> None:
+    """A case with defects has the same hash when read back."""
     assert "defect" not in REFERENCE.physics()["machine"]
     case = slab({"kind": "locked", "roll": 48}, {"kind": "misaligned", "roll": 52, "by": "1 mm"})
     (tmp_path / "case.toml").write_text(case.resolved_toml())
@@ -248,8 +246,8 @@ def test_a_case_without_defects_is_the_case_that_it_was(tmp_path: Path) -> None:
     assert case.physics_hash() != REFERENCE.physics_hash()
 
 
-def test_a_new_kind_of_defect() -> None:
-    """A class with its keys and what it changes: this is all of it."""
+def test_new_kind_of_defect_is_a_single_class() -> None:
+    """The class has the keys and the change of a pair."""
 
     class Worn(RollDefect):
         """A pair of thinner rolls."""
@@ -268,22 +266,22 @@ def test_a_new_kind_of_defect() -> None:
         del Defect.kinds["worn"]
 
 
-def test_what_the_line_leaves_of_a_roll_that_is_off() -> None:
-    """A third of it at the roll, and a sixth the other way beside: rolls less the line above."""
+def test_line_leaves_a_third_of_the_offset() -> None:
+    """Roll less strand line: a third of the offset at the roll, minus a sixth at its neighbours."""
     normal, off = rolls_of(REFERENCE), rolls_of(slab(OFF))
     found = 1e3 * out_of_line(normal, off)
     assert found[45:50] == pytest.approx([0.0, -1 / 3, 2 / 3, -1 / 3, 0.0], abs=0.02)
     assert np.flatnonzero(np.abs(found) > 1e-9).tolist() == [46, 47, 48]
-    away = 1e3 * out_of_line(normal, rolls_of(slab(OFF | {"by": "-2 mm"})))
-    # The circle turns with the strand: it is linear in the offset but for 0.4 %.
-    assert away == pytest.approx(-found, abs=4e-3 * np.abs(found).max())
+    opposite = 1e3 * out_of_line(normal, rolls_of(slab(OFF | {"by": "-2 mm"})))
+    # The circle rotates with the strand: linear in the offset except 0.4 %.
+    assert opposite == pytest.approx(-found, abs=4e-3 * np.abs(found).max())
     lost = {"kind": "lost", "roll": 30}
     beside = 1e3 * out_of_line(normal, rolls_of(slab(OFF, lost)))
     assert beside == pytest.approx(np.delete(found, 29), abs=1e-6)
     assert not out_of_line(normal, rolls_of(slab(lost))).any()
 
 
-def test_the_check_tells_that_the_strand_would_stop() -> None:
+def test_check_reports_that_the_strand_would_stop() -> None:
     locked = [{"kind": "locked", "roll": roll} for roll in (44, 50, 55, 60)]
     (line,) = checking.drive_faults(slab(*locked))
     assert line.startswith("machine.extraction: the strand would stop: its rolls resist with ")

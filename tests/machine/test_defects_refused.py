@@ -1,4 +1,4 @@
-"""Defects of a machine that cannot be, or that are doubtful, and what is said of them."""
+"""Impossible and doubtful defects of a machine, and their error messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def slab(*defects: dict[str, Any]) -> Case:
 
 
 @pytest.mark.parametrize(
-    ("given", "key", "words"),
+    ("defect", "key", "words"),
     [
         ({"kind": "locked", "roll": 95}, "defect.0.roll", "has 87 pairs, numbered from 1"),
         ({"kind": "bent", "roll": 9}, "defect.0", "one of locked, misaligned, lost, nozzles"),
@@ -32,18 +32,18 @@ def slab(*defects: dict[str, Any]) -> Case:
         ),
     ],
 )
-def test_what_is_refused(given: dict[str, Any], key: str, words: str) -> None:
+def test_impossible_defects_are_rejected(defect: dict[str, Any], key: str, words: str) -> None:
     with pytest.raises(InputError) as caught:
-        slab(given)
+        slab(defect)
     (problem,) = caught.value.problems
     assert key in problem and words in problem
 
 
-def test_a_key_of_no_defect_is_told_beside_those_of_its_kind() -> None:
+def test_unknown_and_missing_keys_are_reported_together() -> None:
     with pytest.raises(InputError) as caught:
         slab({"kind": "misaligned", "rolls": 48, "offset": "2 mm"})
-    told = [problem.partition("machine.defect.0.")[2] for problem in caught.value.problems]
-    assert told == [
+    messages = [problem.partition("machine.defect.0.")[2] for problem in caught.value.problems]
+    assert messages == [
         "roll: is missing; number of the pair, counted from 1",
         "by: is missing; distance towards the centre of curvature; negative: away from it, such as "
         '"2 mm"',
@@ -52,17 +52,17 @@ def test_a_key_of_no_defect_is_told_beside_those_of_its_kind() -> None:
     ]
 
 
-def test_defects_that_leave_others_no_room_are_named_not_the_rolls() -> None:
-    given = ("25 mm", "26 mm", "24 mm")
+def test_defects_are_named_as_cause_of_overlapping_rolls() -> None:
+    offsets = ("25 mm", "26 mm", "24 mm")
     with pytest.raises(InputError) as caught:
-        slab(*({"kind": "misaligned", "roll": 20, "by": by} for by in given))
+        slab(*({"kind": "misaligned", "roll": 20, "by": by} for by in offsets))
     (problem,) = caught.value.problems
     assert "machine.defect: with roll 20 off by 25 mm and roll 20 off by 26 mm and" in problem
     assert "sharply: roll 19: diameter (225 mm) overlaps" in problem
     assert problem.endswith("below it; move it less")
 
 
-def test_what_is_doubtful_of_a_defect_is_told_of_it() -> None:
+def test_warnings_caused_by_a_defect_name_it() -> None:
     found = warnings(slab({"kind": "misaligned", "roll": 20, "by": "-26 mm"}))
     (first, *_) = (one for one in found if one.path[0] == "machine")
     assert first.path == ("machine", "defect") and "strains the faces" in first.text
@@ -71,8 +71,8 @@ def test_what_is_doubtful_of_a_defect_is_told_of_it() -> None:
     assert not [one for one in found if one.path[0] == "machine"]
 
 
-def test_a_defect_that_would_change_nothing_is_refused() -> None:
-    """What it changes is the resistance of the rolls, of which the case has none, or no curve."""
+def test_defect_without_effect_is_rejected() -> None:
+    """It would change the resistance of the rolls, but the case has none, or no curve."""
     plain, locked = load_case(FOLDER / "coarse.toml"), {"kind": "locked", "roll": 48}
     coupled = load_case(FOLDER / "reference.toml").with_(
         {"machine.extraction.resistance": "coupled"}
@@ -88,16 +88,17 @@ def test_a_defect_that_would_change_nothing_is_refused() -> None:
 
 
 @pytest.mark.parametrize("lost_first", [True, False])
-def test_a_pair_that_is_lost_is_neither_off_nor_locked(lost_first: bool) -> None:
+def test_lost_pair_has_no_other_defect(lost_first: bool) -> None:
     lost = {"kind": "lost", "roll": 30}
-    for other in ({"kind": "misaligned", "roll": 30, "by": "2 mm"}, {"kind": "locked", "roll": 30}):
-        both, at = ((lost, other), 1) if lost_first else ((other, lost), 0)
+    misaligned = {"kind": "misaligned", "roll": 30, "by": "2 mm"}
+    for second in (misaligned, {"kind": "locked", "roll": 30}):
+        both, at = ((lost, second), 1) if lost_first else ((second, lost), 0)
         with pytest.raises(InputError, match=rf"defect\.{at}\.roll: \(30\): this pair is also"):
             slab(*both)
-        slab(lost, other | {"roll": 31})
+        slab(lost, second | {"roll": 31})
 
 
-def test_two_of_the_same_and_no_roll_left() -> None:
+def test_repeated_defects_and_loss_of_all_rolls_are_rejected() -> None:
     locked = {"kind": "locked", "roll": 48}
     with pytest.raises(InputError, match=r"machine\.defect\.1: appears twice"):
         slab(locked, locked)
@@ -106,21 +107,21 @@ def test_two_of_the_same_and_no_roll_left() -> None:
 
 
 @pytest.mark.parametrize("by", ["2 m", "34 mm"])
-def test_a_pair_is_not_farther_off_than_a_strand_follows(by: str) -> None:
-    """2 m are typed for 2 mm; the pitch of #48 is 335 mm."""
+def test_too_large_offset_is_rejected(by: str) -> None:
+    """2 m is a slip for 2 mm; the pitch of #48 is 335 mm."""
     with pytest.raises(InputError, match=r"defect\.0\.by: .* by more than 0\.1 of the 33\d mm to"):
         slab({"kind": "misaligned", "roll": 48, "by": by})
     slab({"kind": "misaligned", "roll": 48, "by": "-10 mm"})
 
 
-def test_the_ends_of_the_machine() -> None:
-    """Off is a pair between two others; above the first there is the mould, which bears faces."""
+def test_defects_at_the_ends_of_the_machine_are_rejected() -> None:
+    """A misaligned pair needs one on each side; the mould must support the faces to the first."""
     for number, side, lost in ((1, "above", ()), (87, "below", ()), (2, "above", (1,))):
-        gone = [{"kind": "lost", "roll": n} for n in lost]
+        missing = [{"kind": "lost", "roll": n} for n in lost]
         for by in ("2 mm", "-2 mm"):
             off = {"kind": "misaligned", "roll": number, "by": by}
             with pytest.raises(InputError, match=rf"roll: \({number}\): no pair {side} it"):
-                slab(*gone, off)
+                slab(*missing, off)
     slab({"kind": "misaligned", "roll": 2, "by": "2 mm"})
     first = {"kind": "lost", "roll": 1}
     REFERENCE.with_({"mechanics.bulging": "none"}).with_({"machine.defect": [first]})

@@ -1,4 +1,4 @@
-"""Rolls at the narrow faces as rows of a file: how they are read, and what is refused or told."""
+"""Rolls at the narrow faces as rows of a file: reading, errors and warnings."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from castfem.model.load import read_case
 EDGED = (*(f"{row}, " for row in ROWS), "1.0, 100, , , , , narrow", "1.3, 100, 1190, , , , narrow")
 
 
-def test_rows_with_a_side_are_rolls_at_the_narrow_faces(tmp_path: Path) -> None:
-    """They have no part in the line of the strand, are numbered apart, and are read again."""
-    plain, sound = case(tmp_path), case(tmp_path, EDGED, f"{HEADER}, side")
-    rolls = rolls_of(sound)
+def test_rows_with_a_side_are_edge_rolls(tmp_path: Path) -> None:
+    """They do not change the strand line, are numbered separately, and are read back."""
+    plain, edged = case(tmp_path), case(tmp_path, EDGED, f"{HEADER}, side")
+    rolls = rolls_of(edged)
     assert rolls.pairs == rolls_of(plain).pairs and rolls_of(plain).edges is None
     assert [(p.position, p.diameter) for p in rolls.edges.pairs] == [(1.0, 0.1), (1.3, 0.1)]
     assert [rolls.edges.aperture(i, 1.2) for i in (0, 1)] == [1.2, 1.19]
     assert rolls.place(3).endswith("line 6, roll 4")
     assert rolls.edges.place(1).endswith("line 8, edge roll 2")
-    (tmp_path / "again.toml").write_text(sound.resolved_toml())
+    (tmp_path / "again.toml").write_text(edged.resolved_toml())
     again = load_case(tmp_path / "again.toml")
-    assert again == sound and again.physics_hash() == sound.physics_hash() != plain.physics_hash()
-    lost = sound.with_({"machine.defect": [{"kind": "lost", "roll": 2}]})
+    assert again == edged and again.physics_hash() == edged.physics_hash() != plain.physics_hash()
+    lost = edged.with_({"machine.defect": [{"kind": "lost", "roll": 2}]})
     assert rolls_of(lost).edges == rolls.edges
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "message"),
     [
         ("1.0, 100, , , , , left", r"line 7, row 5: side \(left\): wide, as without it, or narrow"),
         ("1.0, 100, , 8, , , narrow", r"row 5: radius_extrados \(8\): of a roll at the"),
@@ -43,52 +43,52 @@ def test_rows_with_a_side_are_rolls_at_the_narrow_faces(tmp_path: Path) -> None:
         ("1.0, 0.1, , , , , narrow", r"rolls: \(0\.1 mm\) is beyond what rolls have"),
     ],
 )  # fmt: skip
-def test_edge_rolls_that_cannot_be(tmp_path: Path, row: str, said: str) -> None:
-    with pytest.raises(InputError, match=said) as caught:
+def test_invalid_edge_rolls_are_rejected(tmp_path: Path, row: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         case(tmp_path, (*EDGED[:4], row), f"{HEADER}, side")
     assert len(caught.value.problems) == 1
 
 
 @pytest.mark.parametrize(("name", "unit"), [("side", "mm"), ("driven", "kN")])
-def test_a_column_of_words_has_no_unit(tmp_path: Path, name: str, unit: str) -> None:
+def test_column_of_words_with_a_unit_is_rejected(tmp_path: Path, name: str, unit: str) -> None:
     heading = f"{HEADER}, side".replace(name, f"{name} [{unit}]")
-    said = f"line 2: column '{name}' holds words and has no unit; leave out {unit}"
-    with pytest.raises(InputError, match=said):
+    message = f"line 2: column '{name}' holds words and has no unit; leave out {unit}"
+    with pytest.raises(InputError, match=message):
         case(tmp_path, EDGED, heading)
 
 
 @pytest.mark.parametrize("name", ["copper200/round", "beam_blank"])
-def test_only_a_rectangle_has_rolls_at_its_narrow_faces(tmp_path: Path, name: str) -> None:
+def test_only_a_rectangle_has_edge_rolls(tmp_path: Path, name: str) -> None:
     (tmp_path / "rolls.csv").write_text(
         "position [m], diameter [mm], side\n0.9, 100, wide\n1.2, 100, wide\n1.0, 100, narrow\n"
     )
     path = SLAB.parents[2] / "benchmarks" / f"{name}.toml"
     path = path if path.is_file() else SLAB.parents[1] / f"{name}.toml"
-    given = f"machine.rolls={tmp_path}/rolls.csv"
+    rolls = f"machine.rolls={tmp_path}/rolls.csv"
     with pytest.raises(InputError) as caught:
-        load_case(path, [given])
+        load_case(path, [rolls])
     shape = name.rpartition("/")[2]
-    told = (
+    message = (
         f'edge roll 1: only a section of shape "rectangle" has rolls there, not a "{shape}"; leave'
     )
-    assert told in str(caught.value)
+    assert message in str(caught.value)
 
 
-def test_edge_rolls_alone_are_no_machine(tmp_path: Path) -> None:
+def test_machine_of_edge_rolls_only_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no rolls of the wide faces"):
         case(tmp_path, EDGED[4:], f"{HEADER}, side")
 
 
-def test_edge_rolls_that_bear_nothing_are_told() -> None:
-    """Faces that follow the apertures have no rolls that bear them."""
-    given = [f"machine.rolls={SLAB.parent / 'edge_rolls.csv'}"]
-    told = "machine.rolls: the rolls at the narrow faces carry no load"
-    assert any(told in t for t in read_case(SLAB.parent / "coarse.toml", given).warnings)
-    assert not any(told in t for t in read_case(SLAB.parent / "slab.toml", given).warnings)
+def test_edge_rolls_without_load_give_a_warning() -> None:
+    """Rolls carry no load on faces that follow the apertures."""
+    rolls = [f"machine.rolls={SLAB.parent / 'edge_rolls.csv'}"]
+    message = "machine.rolls: the rolls at the narrow faces carry no load"
+    assert any(message in t for t in read_case(SLAB.parent / "coarse.toml", rolls).warnings)
+    assert not any(message in t for t in read_case(SLAB.parent / "slab.toml", rolls).warnings)
 
 
 @pytest.mark.parametrize(("aperture", "far"), [("1185", False), ("1400", True), ("5000", True)])
-def test_edge_rolls_that_do_not_fit_the_width_are_told(
+def test_edge_rolls_that_do_not_fit_the_width_give_a_warning(
     tmp_path: Path, aperture: str, far: bool
 ) -> None:
     """The slab is 1200 mm wide."""
@@ -99,5 +99,5 @@ def test_edge_rolls_that_do_not_fit_the_width_are_told(
     )  # fmt: skip
     rolls = f"machine.rolls={tmp_path}/edged.csv"
     warnings = read_case(SLAB.parent / "slab.toml", [rolls]).warnings
-    told = f"edge roll 1: aperture ({aperture} mm) of a section 1200 mm wide"
-    assert any(told in t for t in warnings) == far
+    message = f"edge roll 1: aperture ({aperture} mm) of a section 1200 mm wide"
+    assert any(message in t for t in warnings) == far

@@ -1,4 +1,4 @@
-"""Rolls in a case: CSV file, columns or segments, each mistake a line; the stretches of one off."""
+"""Rolls in a case: CSV file, columns or segments, one line per error; zones of misaligned rolls."""
 
 from __future__ import annotations
 
@@ -46,25 +46,25 @@ def test_rolls_are_read_with_their_units(tmp_path: Path) -> None:
     assert inch.pairs[0].aperture is None and inch.aperture(0, 0.22) == 0.22
 
 
-def test_a_case_with_rolls_reads_back(tmp_path: Path) -> None:
-    sound = case(tmp_path)
-    (tmp_path / "mine.csv").unlink()  # the resolved case needs it no more
-    (tmp_path / "again.toml").write_text(sound.resolved_toml())
+def test_case_with_rolls_is_unchanged_when_reread(tmp_path: Path) -> None:
+    original = case(tmp_path)
+    (tmp_path / "mine.csv").unlink()  # the resolved case does not need the file
+    (tmp_path / "again.toml").write_text(original.resolved_toml())
     again = load_case(tmp_path / "again.toml")
-    assert again == sound
-    assert again.physics_hash() == sound.physics_hash()
-    other = sound.with_({"machine.rolls.diameter": ["150 mm", "150 mm", "200 mm", "210 mm"]})
-    assert rolls_of(other).pairs[3].diameter == 0.21
-    assert other.physics_hash() != sound.physics_hash()
+    assert again == original
+    assert again.physics_hash() == original.physics_hash()
+    changed = original.with_({"machine.rolls.diameter": ["150 mm", "150 mm", "200 mm", "210 mm"]})
+    assert rolls_of(changed).pairs[3].diameter == 0.21
+    assert changed.physics_hash() != original.physics_hash()
 
 
-def test_an_aperture_in_other_units_is_refused(tmp_path: Path) -> None:
-    """Of wide faces, too: 222 m rather than mm."""
+def test_aperture_in_wrong_units_is_rejected(tmp_path: Path) -> None:
+    """222 m instead of mm."""
     with pytest.raises(InputError, match=r"roll 1: aperture \(222000 mm\): the section between"):
         case(tmp_path, ROWS, HEADER.replace("aperture [mm]", "aperture [m]"))
 
 
-def test_segments_expand() -> None:
+def test_segments_are_expanded_to_pairs() -> None:
     what = load_case(SLAB, ["machine.segment=[]", SEGMENTS])
     rolls = rolls_of(what)
     assert len(rolls.pairs) == 57
@@ -82,19 +82,19 @@ def test_segments_expand() -> None:
     assert again.machine == what.machine
 
 
-def test_a_case_follows_its_rolls(tmp_path: Path) -> None:
+def test_machine_of_a_case_has_its_rolls(tmp_path: Path) -> None:
     machine = build_machine(load_case(SLAB))
     assert machine.position(100.0) == 2.0
     assert 10.5 < machine.height(20.0) < 11.5
     assert machine.curvature(8.0) == pytest.approx(1.0 / 8.006, rel=1e-12)
     assert machine.mould_length == 0.8
-    assert len(machine.bends) == 11  # ends of bending and straightening, and each roll within
+    assert len(machine.bends) == 11  # ends of bending and straightening, and rolls between
     plain = build_machine(load_case(SLAB.parents[1] / "billet125" / "thermal.toml"))
     assert (plain.height(0.3), plain.bends) == (0.3, ())
 
 
-def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
-    """Not with the way along the strand, in the slice that a coupled run strains."""
+def test_ferrostatic_head_is_the_height_in_a_bent_machine() -> None:
+    """A coupled run uses the height, not the length along the strand."""
     bent = SEGMENTS.replace("0.9 m", "0.65 m")
     coarse = [f"mesh.{name}=14 mm" for name in ("surface_size", "corner_size", "core_size")]
     coarse += ["mesh.face_size=14 mm", "casting.length=15 m", "section.symmetry=half"]
@@ -108,14 +108,14 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
             height = machine.height(machine.position(time))
             assert liquid.head(time) == pytest.approx(weight * height, rel=1e-12)
         assert machine.height(14.4) < 0.8 * 14.4
-        followed = [bend for bend in machine.bends if bend < 15.0]
-        assert len(followed) == 3
-        for bend in followed:
+        within = [bend for bend in machine.bends if bend < 15.0]
+        assert len(within) == 3
+        for bend in within:
             assert simulation.control.next_stop(bend / 0.06 - 0.01) == pytest.approx(bend / 0.06)
 
 
 @pytest.mark.parametrize(
-    ("rows", "header", "said"),
+    ("rows", "header", "message"),
     [
         (("0.9, 150, 222, x, no,",), HEADER, r"line 3, roll 1: radius_extrados \(x\): "),
         (("0.9, 150",), HEADER, r"line 3: 2 cells, the header has 6; write an empty cell"),
@@ -127,17 +127,17 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
         (("0.9, 8",), "position [m], radius_extrados [m]", r"column 'diameter' is missing"),
     ],
 )  # fmt: skip
-def test_a_file_that_cannot_be_read(
-    tmp_path: Path, rows: tuple[str, ...], header: str, said: str
+def test_invalid_files_are_rejected(
+    tmp_path: Path, rows: tuple[str, ...], header: str, message: str
 ) -> None:
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         case(tmp_path, rows, header)
     (line,) = caught.value.problems
     assert line.startswith(f"{tmp_path / 'mine.toml'}: machine.rolls: '{tmp_path / 'mine.csv'}'")
 
 
 @pytest.mark.parametrize(
-    ("row", "text", "said"),
+    ("row", "text", "message"),
     [
         (0, "0.7, 150, 222, , no,", r"line 3, roll 1: position \(0\.7 m\) lies within the mould, "
          r"which ends at 0\.8 m"),
@@ -148,17 +148,17 @@ def test_a_file_that_cannot_be_read(
         (2, "1.5, 200, 222, 0.4, yes, 1", r"line 5, roll 3: radius_extrados \(0\.4 m\) is below"),
     ],
 )  # fmt: skip
-def test_rolls_that_cannot_be_there(tmp_path: Path, row: int, text: str, said: str) -> None:
-    rows = tuple(text if i == row else given for i, given in enumerate(ROWS))
+def test_impossible_rolls_are_rejected(tmp_path: Path, row: int, text: str, message: str) -> None:
+    rows = tuple(text if i == row else valid for i, valid in enumerate(ROWS))
     with pytest.raises(InputError) as caught:
         case(tmp_path, rows)
     lines = caught.value.problems
-    assert any(re.search(said, line) for line in lines), lines
+    assert any(re.search(message, line) for line in lines), lines
     assert all(line.startswith(str(tmp_path)) and "\n" not in line for line in lines)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ('machine={rolls="none.csv"}', r"rolls: '.*none\.csv': file not found; correct"),
         ("machine={rolls=3}", r"machine\.rolls: the rolls of a machine are a file"),
@@ -167,36 +167,36 @@ def test_rolls_that_cannot_be_there(tmp_path: Path, row: int, text: str, said: s
         ("machine.roll=3", r"machine\.roll: unknown key.*did you mean rolls"),
     ],
 )  # fmt: skip
-def test_a_table_that_is_no_machine(tmp_path: Path, change: str, said: str) -> None:
+def test_invalid_machine_tables_are_rejected(tmp_path: Path, change: str, message: str) -> None:
     base = tmp_path / "plain.toml"
     text = (SLAB.parent / "base.toml").read_text().replace('[machine]\nrolls = "rolls.csv"\n', "")
     base.write_text(text)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         load_case(base, [change])
 
 
-def test_a_strip_has_no_rolls() -> None:
+def test_rolls_of_a_strip_are_rejected() -> None:
     strip = SLAB.parents[1] / "verification" / "neumann.toml"
     with pytest.raises(InputError, match="a strip has no thickness"):
         load_case(strip, [SEGMENTS])
 
 
-def test_one_slip_in_a_header_is_not_told_of_every_roll(tmp_path: Path) -> None:
-    """Diameters of 9 m: each pair overlaps the one before."""
-    for count, told in ((4, 3), (6, 1)):
+def test_equal_errors_of_many_rolls_are_summarised(tmp_path: Path) -> None:
+    """Diameters of 9 m: each pair overlaps the previous one."""
+    for count, expected in ((4, 3), (6, 1)):
         rows = tuple(f"{0.9 + 0.3 * i:.1f}, 9" for i in range(count))
         with pytest.raises(InputError) as caught:
             case(tmp_path, rows, "position [m], diameter [m]")
-        assert len(caught.value.problems) == told
+        assert len(caught.value.problems) == expected
         assert "line 4, roll 2: diameter (9000 mm) overlaps" in caught.value.problems[0]
     assert caught.value.problems[0].endswith("the pitch longer (and 4 more like it)")
 
 
-def test_what_is_told_and_not_refused(tmp_path: Path) -> None:
-    """Angles that do not close, a strand still bent at the end, a section that does not fit."""
-    told = read_case(SLAB, [SEGMENTS]).warnings
+def test_doubtful_machines_give_warnings(tmp_path: Path) -> None:
+    """Angles that do not add up, a strand still bent at the end, a section that does not fit."""
+    texts = read_case(SLAB, [SEGMENTS]).warnings
     assert any(
-        "the angles do not close: the strand leaves the last bent roll at 92" in t for t in told
+        "the angles do not close: the strand leaves the last bent roll at 92" in t for t in texts
     )
     assert any(
         "still bent at the last roll, R = 8 m" in t for t in read_case(written(tmp_path)).warnings
@@ -211,16 +211,16 @@ def test_what_is_told_and_not_refused(tmp_path: Path) -> None:
     assert read_case(SLAB).warnings == ()
 
 
-def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
-    """The last one stands at 26.4 m, 0.32 m below the one before."""
+def test_bulging_beyond_the_last_roll_gives_a_warning() -> None:
+    """The last roll is at 26.4 m, 0.32 m below the previous one."""
     bulging = SLAB.parent / "reference.toml"
-    for length, key, told in (
+    for length, key, expected in (
         ("26.9 m", "mechanics.bulging=elastic", True),
         ("26.6 m", "mechanics.bulging=elastic", False),
         ("26.9 m", "mechanics.bulging=none", False),
     ):
         found = read_case(bulging, [f"casting.length={length}", key]).warnings
-        assert any("beyond the last roll, at 26.4" in text for text in found) == told, length
+        assert any("beyond the last roll, at 26.4" in text for text in found) == expected, length
     lost = [{"kind": "lost", "roll": number} for number in (86, 87)]
     ended = read_case(bulging, ["casting.length=26.4 m", "mechanics.bulging=elastic"]).case
     assert isinstance(ended, Case)
@@ -229,7 +229,7 @@ def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
 
 
 @pytest.mark.parametrize(
-    ("position", "value", "told"),
+    ("position", "value", "message"),
     [
         (["0.87 m", "26.5 m"], ["7 kN", "700 kN"], ""),
         (["0.87 m", "26.3 m"], ["0 kN", "700 kN"], ""),  # within the last pitch
@@ -237,28 +237,28 @@ def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
         (["2 m", "26 m"], ["0 kN", "700 kN"], ": rolls 1 to 6 and roll 87 have no resistance"),
     ],
 )
-def test_a_curve_of_resistance_is_of_all_rolls(
-    position: list[str], value: list[str], told: str
+def test_incomplete_curve_of_resistance_gives_a_warning(
+    position: list[str], value: list[str], message: str
 ) -> None:
     slab = load_case(SLAB.parent / "reference.toml")
-    given = slab.with_({"machine.extraction.resistance": {"position": position, "value": value}})
-    texts = [problem.text for problem in warnings(given)]
-    assert bool(texts) == bool(told)
-    assert not told or re.search(told, texts[0]), texts
+    case = slab.with_({"machine.extraction.resistance": {"position": position, "value": value}})
+    texts = [problem.text for problem in warnings(case)]
+    assert bool(texts) == bool(message)
+    assert not message or re.search(message, texts[0]), texts
 
 
 THICKNESS = 0.220
 
 
 def slab(*off: int, **more: int) -> Case:
-    """The slab of the thesis with rolls 1.5 mm off, by number, and perhaps one `lost`."""
+    """Return the slab of the thesis with rolls off by 1.5 mm, by number, and `lost` rolls."""
     defects = [{"kind": "misaligned", "roll": roll, "by": "1.5 mm"} for roll in off]
     defects += [{"kind": "lost", "roll": roll} for roll in more.values()]
     return load("slab1200/reference").with_({"machine.defect": defects} if defects else {})
 
 
 @pytest.mark.parametrize("off", [(30,), (5,), (30, 45)])
-def test_the_phases_are_those_of_the_machine(off: tuple[int, ...]) -> None:
+def test_phases_are_independent_of_misaligned_rolls(off: tuple[int, ...]) -> None:
     normal, rolls = rolls_of(slab()), rolls_of(slab(*off))
     assert phases(rolls) == phases(normal)
     assert off_stretches(normal) == []
@@ -266,31 +266,31 @@ def test_the_phases_are_those_of_the_machine(off: tuple[int, ...]) -> None:
     assert close_by(rolls, 0.0, 18.0) == close_by(normal, 0.0, 18.0)
 
 
-def test_the_stretch_is_where_the_curvature_is_another_one() -> None:
+def test_stretch_is_where_the_curvature_differs() -> None:
     normal, rolls = rolls_of(slab()), rolls_of(slab(30))
     (stretch,) = off_stretches(rolls)
     first, last = (rolls.pairs[i].position for i in (stretch.first, stretch.last))
     lines = [one.line(THICKNESS) for one in (normal, rolls)]
     for position in np.linspace(0.8, 18.0, 2000):
-        one, other = (line.curvature(float(position)) for line in lines)
+        before, after = (line.curvature(float(position)) for line in lines)
         inside = first + 1e-9 < position < last - 1e-9
-        assert (abs(one - other) > 1e-12) <= inside
+        assert (abs(before - after) > 1e-12) <= inside
     assert (stretch.first + 1, stretch.last + 1) == (28, 32)
 
 
-def test_rolls_whose_stretches_overlap_share_one() -> None:
+def test_overlapping_stretches_are_merged() -> None:
     (one,) = off_stretches(rolls_of(slab(30, 32)))
     assert (one.name, one.first + 1, one.last + 1) == ("rolls 30, 32 off", 28, 34)
     one, other = off_stretches(rolls_of(slab(30, 34)))
     assert one.last == other.first
 
 
-def test_a_lost_pair_beside_it_is_passed_over() -> None:
+def test_stretch_skips_a_lost_pair() -> None:
     (one,) = off_stretches(rolls_of(slab(30, lost=31)))
     assert (one.first + 1, one.last + 1) == (28, 33)
 
 
-def test_positions_are_named_by_the_roll_and_kept_with_the_maps() -> None:
+def test_positions_have_the_name_of_their_roll() -> None:
     case = slab(30)
     rolls = rolls_of(case)
     stations = Stations(rolls, THICKNESS, 0.7)
@@ -305,7 +305,7 @@ def test_positions_are_named_by_the_roll_and_kept_with_the_maps() -> None:
     assert phases(restored.rolls) == phases(rolls)  # type: ignore[arg-type]
 
 
-def test_places_and_machine_name_it(tmp_path: Path) -> None:
+def test_report_and_machine_name_the_misaligned_roll(tmp_path: Path) -> None:
     named = {}
     for name, one in (("order", slab()), ("off", slab(30))):
         (tmp_path / CASE_NAME).write_text(one.resolved_toml())

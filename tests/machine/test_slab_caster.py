@@ -1,4 +1,4 @@
-"""The demonstration caster has every fact that the thesis tells of its own (VI.1 to VI.4).
+"""The demonstration caster has all facts that the thesis reports of its caster (VI.1 to VI.4).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -55,11 +55,11 @@ def position(rolls: Rolls, number: int) -> float:
 
 
 def pitch(rolls: Rolls, number: int) -> float:
-    """From the pair before."""
+    """Return the distance from the previous pair, m."""
     return position(rolls, number) - position(rolls, number - 1)
 
 
-def test_the_files_are_those_of_the_script(tmp_path: Path) -> None:
+def test_shipped_files_are_those_of_the_script(tmp_path: Path) -> None:
     spec = importlib.util.spec_from_file_location("make_rolls", FOLDER / "make_rolls.py")
     script: ModuleType = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
@@ -69,7 +69,7 @@ def test_the_files_are_those_of_the_script(tmp_path: Path) -> None:
         assert (tmp_path / name).read_text() == (FOLDER / name).read_text()
 
 
-def test_pairs_and_phases(rolls: Rolls) -> None:
+def test_pairs_and_phases_are_those_of_the_thesis(rolls: Rolls) -> None:
     """87 pairs, 8 of them vertical, bending over 7 pitches, straightening over #50 to #57."""
     assert len(rolls.pairs) == 87 and rolls.face == "extrados"
     assert phases(rolls) == [
@@ -84,7 +84,7 @@ def test_pairs_and_phases(rolls: Rolls) -> None:
     assert position(rolls, 49) == pytest.approx(14.2, abs=0.1)
     assert position(rolls, 57) == pytest.approx(16.75, abs=0.1)
     assert position(rolls, 49) - position(rolls, 15) == pytest.approx(10.2, abs=0.1)
-    assert position(rolls, 62) > position(rolls, 57) + 1.0  # followed to there: 5 pairs beyond
+    assert position(rolls, 62) > position(rolls, 57) + 1.0  # computed to 5 pairs beyond
 
 
 def test_pitches_grow_smoothly(rolls: Rolls) -> None:
@@ -99,7 +99,7 @@ def test_pitches_grow_smoothly(rolls: Rolls) -> None:
     assert (growth >= -2e-6).all() and growth.max() < 0.0145
 
 
-def test_diameters_and_clear_distance(rolls: Rolls) -> None:
+def test_diameters_and_clear_distance_are_those_of_the_thesis(rolls: Rolls) -> None:
     sizes = [pair.diameter for pair in rolls.pairs]
     assert (min(sizes), max(sizes)) == (0.13, 0.275)
     assert sizes == sorted(sizes)
@@ -108,8 +108,8 @@ def test_diameters_and_clear_distance(rolls: Rolls) -> None:
     assert min(rolls.clearance(i, 0.22) for i in range(1, 87)) > 0.02
 
 
-def test_radii(rolls: Rolls, line: Bent) -> None:
-    """Bending linear in s to 8006 mm; straightening from 8400 mm, soft first, harder at the end."""
+def test_radii_are_those_of_the_thesis(rolls: Rolls, line: Bent) -> None:
+    """Bending is linear in s to 8006 mm; straightening starts at 8400 mm and increases."""
     chi = [1.0 / pair.radius for pair in rolls.pairs]
     assert chi[:8] == [0.0] * 8 and chi[56:] == [0.0] * 31
     start, end = position(rolls, 8), position(rolls, 15)
@@ -124,13 +124,13 @@ def test_radii(rolls: Rolls, line: Bent) -> None:
     assert (np.diff(changes) > 0.0).all()
 
 
-def test_the_angle_is_square_at_roll_57(rolls: Rolls, line: Bent) -> None:
+def test_strand_is_horizontal_at_roll_57(rolls: Rolls, line: Bent) -> None:
     assert math.degrees(line.inclination(position(rolls, 57))) == pytest.approx(90.0, abs=2e-5)
     assert math.degrees(line.inclination(30.0)) == pytest.approx(90.0, abs=2e-5)
 
 
 def test_apertures_decrease_step_by_step(rolls: Rolls) -> None:
-    """0.1 mm a roll below straightening; a cold thickness of 220 mm at 930 K above cold."""
+    """By 0.1 mm a roll below straightening, to 220 mm cold thickness for 930 K of cooling."""
     gaps = np.array([pair.aperture for pair in rolls.pairs], float)
     assert (np.diff(gaps) <= 1e-12).all()
     assert np.allclose(np.diff(gaps[56:]), -1e-4, atol=1e-9)
@@ -139,15 +139,15 @@ def test_apertures_decrease_step_by_step(rolls: Rolls) -> None:
 
 
 def resistance() -> tuple[np.ndarray, np.ndarray]:
-    """Position and resistance to there, m and t."""
+    """Return positions, m, and the resistance up to them, t."""
     rows = np.array(
         [[float(c) for c in row.cells] for row in read_csv(FOLDER / "resistance.csv").rows]
     )
     return 1e-3 * rows[:, 0], 1e3 * rows[:, 1] / TONNE
 
 
-def test_resistance(rolls: Rolls) -> None:
-    """0.75 t a pair above straightening, 0.79 at #48, 2.3 in it, 0.5 below #67; 60 t at 20 m."""
+def test_resistance_is_that_of_the_thesis(rolls: Rolls) -> None:
+    """A pair has 0.75 t above straightening, 2.3 t in it, 0.5 t below #67; 60 t up to 20 m."""
     place, total = resistance()
     assert np.allclose(place, [pair.position for pair in rolls.pairs], atol=1e-9)
     steps = np.diff(total, prepend=0.0)
@@ -156,25 +156,25 @@ def test_resistance(rolls: Rolls) -> None:
     assert np.allclose(steps[49:57], 2.3, atol=1e-4) and np.allclose(steps[67:], 0.5, atol=1e-4)
     assert np.interp(20.0, place, total) == pytest.approx(60.0, abs=0.2)
     assert total[-1] == pytest.approx(70.0, abs=1e-3)
-    assert 2.8 < steps[51] / steps[47] < 3.0  # that of #52 is almost three times that of #48
+    assert 2.8 < steps[51] / steps[47] < 3.0  # #52 has almost three times the resistance of #48
 
 
 def effort(extra: float = 0.0) -> list[float]:
-    """Load of each drive, t, if every drive takes what came before it, as far as it can."""
+    """Return the load of each drive, t, if each takes the resistance above it up to its limit."""
     case = load_case(FOLDER / "thermal.toml")
     steps = np.diff(resistance()[1], prepend=0.0)
     steps[47] += extra
-    left, loads = 0.0, []
+    untaken, loads = 0.0, []
     for pair, step in zip(case.machine.pairs().pairs, steps, strict=True):
-        left += step
+        untaken += step
         if pair.driven:
-            loads.append(min(left, pair.capacity / TONNE))
-            left -= loads[-1]
+            loads.append(min(untaken, pair.capacity / TONNE))
+            untaken -= loads[-1]
     return loads
 
 
-def test_drives(rolls: Rolls) -> None:
-    """175 t in all; about 5 t before each above, 5 to 15 t below; a locked #48 fills #50."""
+def test_loads_of_the_drives_are_those_of_the_thesis(rolls: Rolls) -> None:
+    """In total 175 t; about 5 t per drive above, 5 to 15 t below; a locked #48 saturates #50."""
     driven = [i for i, pair in enumerate(rolls.pairs, 1) if pair.driven]
     assert {26, 44, 50, 55} < set(driven)
     forces = [pair.capacity for pair in rolls.pairs if pair.driven]
@@ -189,16 +189,16 @@ def test_drives(rolls: Rolls) -> None:
     assert locked[60] == pytest.approx(loads[60], abs=1e-9)
 
 
-def test_the_head_down_the_machine(line: Bent) -> None:
-    """Not that of a vertical machine, and at the end that of the bend."""
+def test_head_is_that_of_a_bent_machine(line: Bent) -> None:
+    """It is constant after the bend."""
     heights = [line.height(s) for s in np.linspace(0.0, 26.0, 131)]
     assert list(accumulate(heights, max)) == pytest.approx(heights, abs=1e-4)
     assert line.height(2.3) == pytest.approx(2.3, rel=1e-9)
     assert 10.5 < line.height(16.75) < 11.5
 
 
-def test_the_slab_as_the_thesis_follows_it() -> None:
-    """From the mould's exit to five pairs of rolls below straightening, in order."""
+def test_shipped_slab_is_computed_as_in_the_thesis() -> None:
+    """From the mould exit to five pairs of rolls below straightening, without defects."""
     case = load_case(FOLDER / "slab.toml")
     assert case.machine is not None and not case.machine.defect
     pairs = case.machine.pairs()
@@ -208,7 +208,7 @@ def test_the_slab_as_the_thesis_follows_it() -> None:
     assert case.machine.extraction is not None and case.quality is not None
 
 
-# Stretches from roll to roll, and what a nozzle reaches between two rolls.
+# Stretches from roll to roll, and the area sprayed by a nozzle between two rolls.
 #
 # Equation numbers are those of [Pascon2003] (docs/references.md).
 
@@ -217,11 +217,11 @@ ROWS = (Row("a", 1, 1.10, 1.16), Row("a", 2, 1.35, 1.41), Row("b", 2, 1.33, 1.39
 CONTACTS = ((0.99, 1.01), (1.24, 1.26), (1.49, 1.51))
 
 
-def test_the_sprayed_width() -> None:
+def test_sprayed_width_is_that_of_the_angle() -> None:
     assert footprint(0.21, math.radians(90.0)) == pytest.approx(0.42)
 
 
-def test_the_longest_spray_is_that_of_the_thesis() -> None:
+def test_longest_spray_is_that_of_the_thesis() -> None:
     """Between rolls #7 and #8: 72 mm (306)."""
     assert longest_spray(0.035, 0.210, 0.215) == pytest.approx(0.0717, abs=5e-5)
     rolls = expand([Segment(2, 0.25, 0.215)], 2.0)
@@ -230,35 +230,35 @@ def test_the_longest_spray_is_that_of_the_thesis() -> None:
 
 
 @pytest.mark.parametrize(("clear", "off", "diameter"), [(0.035, 0.21, 0.215), (0.06, 0.3, 0.13)])
-def test_the_longest_spray_just_passes_the_rolls(clear: float, off: float, diameter: float) -> None:
-    """A ray to its end passes the height of the axes where the rolls come nearest."""
+def test_longest_spray_just_passes_the_rolls(clear: float, off: float, diameter: float) -> None:
+    """The ray to its end crosses the level of the roll axes at the narrowest gap."""
     half = 0.5 * longest_spray(clear, off, diameter)
     at_axes = half * (off - 0.5 * diameter) / off
     assert at_axes == pytest.approx(0.5 * clear)
 
 
-def test_a_nozzle_below_the_axes_of_the_rolls() -> None:
+def test_nozzle_below_the_roll_axes_is_rejected() -> None:
     with pytest.raises(ValueError, match="between the rolls"):
         longest_spray(0.035, 0.1, 0.215)
 
 
-def test_what_recurs_from_roll_to_roll() -> None:
-    met = stretches(CONTACTS, ROWS, 0.8, 2.0, gathers=lambda above: above != 1)
-    assert [(s.kind, s.gap) for s in met] == [
+def test_stretches_repeat_from_roll_to_roll() -> None:
+    found = stretches(CONTACTS, ROWS, 0.8, 2.0, gathers=lambda above: above != 1)
+    assert [(s.kind, s.gap) for s in found] == [
         ("shade", 0), ("contact", 1), ("shade", 1), ("spray", 1), ("shade", 1),
         ("contact", 2), ("shade", 2), ("spray", 2), ("spray", 2), ("spray", 2), ("run_off", 2),
         ("contact", 3), ("shade", 3),
     ]  # fmt: skip
-    assert (met[0].start, met[-1].end) == (0.8, 2.0)
-    assert all(a.end == b.start for a, b in itertools.pairwise(met))
-    assert [s.rows for s in met if s.kind == "spray"] == [(0,), (2,), (1, 2), (1,)]
+    assert (found[0].start, found[-1].end) == (0.8, 2.0)
+    assert all(a.end == b.start for a, b in itertools.pairwise(found))
+    assert [s.rows for s in found if s.kind == "spray"] == [(0,), (2,), (1, 2), (1,)]
 
 
-def test_a_face_without_rolls_has_no_contact() -> None:
+def test_face_without_rolls_has_no_contact() -> None:
     places = [(1.0, 1.0), (1.25, 1.25), (1.5, 1.5)]
-    met = stretches(places, ROWS[:1], 0.8, 1.4, gathers=lambda above: False)
-    assert [s.kind for s in met] == ["shade", "shade", "spray", "shade", "shade"]
-    assert sum(s.end - s.start for s in met) == pytest.approx(0.6)
+    found = stretches(places, ROWS[:1], 0.8, 1.4, gathers=lambda above: False)
+    assert [s.kind for s in found] == ["shade", "shade", "spray", "shade", "shade"]
+    assert sum(s.end - s.start for s in found) == pytest.approx(0.6)
 
 
 def test_water_of_some_nozzles_is_scaled() -> None:

@@ -1,4 +1,4 @@
-"""The diagram of iron with carbon, manganese and silicon, beside equilibria of a database."""
+"""The diagram of iron with carbon, manganese and silicon, and equilibria of a database."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ EQUILIBRIA = [
 ]
 
 
-# The same of other steels, with the temperatures, degC, between which liquid, delta ferrite and
-# austenite are together, if they are.
+# The same for other steels, with the temperatures, degC, between which liquid, delta ferrite and
+# austenite coexist, if they do.
 REACTING = [
     (0.05, 2, 0, 1523.9, 1499.0, None, None, 0.945, 0.845, 0.626),
     (0.08, 2, 0, 1521.6, 1490.8, 1490.8, 1490.8, 0.898, 0.793, 0.578),
@@ -83,8 +83,8 @@ REACTING = [
 
 
 @pytest.mark.parametrize("steel", REACTING, ids=lambda steel: "-".join(map(str, steel[:3])))
-def test_alloyed_steels_freeze_and_react_where_the_database_says(steel) -> None:
-    """Within 1 K; fractions within 0.005, but for what is between the two reactions."""
+def test_alloyed_steels_match_the_database(steel) -> None:
+    """Temperatures within 1 K, fractions within 0.005 except between the two reactions."""
     carbon, manganese, silicon, liquidus, solidus, end, start, *solid = steel
     found = alloyed({"C": carbon, "Mn": manganese, "Si": silicon})
     assert found.liquidus - ZERO == pytest.approx(liquidus, abs=0.1)
@@ -93,10 +93,10 @@ def test_alloyed_steels_freeze_and_react_where_the_database_says(steel) -> None:
     off = np.abs(1.0 - found.phases(at + ZERO).liquid - solid)
     assert (end is not None) == (found.solidus <= found.peritectic)
     if end is not None:
-        own = found.peritectic - ZERO
-        assert own == pytest.approx(end, abs=1.0)
-        assert start - 2.4 < own < start + 1.0
-        off = off[(at < min(own, end) - 0.1) | (at > max(own, start) + 0.1)]
+        peritectic = found.peritectic - ZERO
+        assert peritectic == pytest.approx(end, abs=1.0)
+        assert start - 2.4 < peritectic < start + 1.0
+        off = off[(at < min(peritectic, end) - 0.1) | (at > max(peritectic, start) + 0.1)]
     assert off.size >= 2 and off.max() < 0.005
 
 
@@ -109,12 +109,12 @@ STEELS = {
 
 @pytest.mark.parametrize("steels", STEELS)
 @pytest.mark.parametrize("diagram", ["assessed", "pascon"])
-def test_diagrams_are_as_near_to_the_database_as_the_page_says(diagram, steels):
-    """Largest differences of liquidus, solidus and solid fraction, in the digits of the page.
+def test_differences_from_the_database_are_those_of_the_page(diagram, steels):
+    """Largest differences of liquidus, solidus and solid fraction, with the digits of the page.
 
-    Fractions farther than 1 K from the peritectic; nearer by, what freezes in it is off.
+    Fractions count at 1 K or more from the peritectic; closer, the amount that reacts differs.
     """
-    apart, nearby = [], [0.0]
+    differences, nearby = [], [0.0]
     for carbon, manganese, silicon, liquidus, solidus, *solid in EQUILIBRIA:
         if not STEELS[steels](manganese):
             continue
@@ -124,10 +124,10 @@ def test_diagrams_are_as_near_to_the_database_as_the_page_says(diagram, steels):
         near = np.abs(at - steel.peritectic) < 1.0
         nearby += [*fractions[near]]
         limits = (steel.liquidus - ZERO - liquidus, steel.solidus - ZERO - solidus)
-        apart.append([*map(abs, limits), fractions[~near].max()])
+        differences.append([*map(abs, limits), fractions[~near].max()])
     page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text(encoding="utf-8")
     row = next(r for r in page.splitlines() if r.startswith(f"| `{diagram}` | {steels} |"))
-    largest = np.max(apart, axis=0)
+    largest = np.max(differences, axis=0)
     assert row.split(" | ", 2)[2] == "{:.1f} | {:.1f} | {:.3f} |".format(*largest)
     if diagram == "assessed":
         assert largest[0] < 1.5 and largest[1] < 4.0 and largest[2] < 0.02
@@ -135,7 +135,7 @@ def test_diagrams_are_as_near_to_the_database_as_the_page_says(diagram, steels):
             assert f"of 0.17 %C, 1.5 %Mn and 0.3 %Si by {max(nearby):.2f}" in page
 
 
-# C, Mn, Si (wt%); at two temperatures, degC, the solid fraction by the same database.
+# C, Mn, Si (wt%); solid fraction at two temperatures, degC, by the same database.
 LITTLE_CARBON = [
     (0.01, 0, 0.2, 1532.64, 0.858, 1534.57, 0.356), (0.01, 0, 0.6, 1527.41, 0.805, 1530.34, 0.210),
     (0.01, 2, 0, 1522.75, 0.803, 1526.16, 0.211), (0.01, 0.6, 0.2, 1528.63, 0.812, 1531.23, 0.273),
@@ -149,23 +149,23 @@ LITTLE_CARBON = [
 
 
 @pytest.mark.parametrize("steel", LITTLE_CARBON, ids=lambda steel: "-".join(map(str, steel[:3])))
-def test_steels_with_little_carbon_freeze_as_by_the_database(steel) -> None:
-    """Fractions within 0.02: 0.1 K or less, for the whole range is 4 to 20 K."""
+def test_low_carbon_steels_match_the_database(steel) -> None:
+    """Fractions within 0.02, which is 0.1 K or less of a range of 4 to 20 K."""
     carbon, manganese, silicon, *rows = steel
     found = alloyed({"C": carbon, "Mn": manganese, "Si": silicon})
     solid = 1.0 - found.phases(np.array(rows[::2]) + ZERO).liquid
     assert solid == pytest.approx(rows[1::2], abs=0.02)
 
 
-def test_iron_with_silicon_alone_is_off_by_what_the_page_says() -> None:
-    """A tenth of a kelvin, where all freezes within 0.8 K: 0.912 solid at 1535.23 degC."""
+def test_error_of_iron_with_silicon_is_that_of_the_page() -> None:
+    """A tenth of a kelvin in a range of 0.8 K; the database has 0.912 solid at 1535.23 degC."""
     found = alloyed({"C": 0.0, "Si": 0.2})
     assert float(found.phases(1535.23 + ZERO).liquid) == pytest.approx(1.0 - 0.912 + 0.08, abs=5e-3)
     assert float(found.phases(1535.33 + ZERO).liquid) > 1.0 - 0.912 + 0.15
     assert found.liquidus - found.solidus == pytest.approx(0.8, abs=0.05)
 
 
-# C, Mn, Si (wt%); where delta begins and ends to turn to gamma, K, by the same database, to 0.5 K.
+# C, Mn, Si (wt%); start and end of delta to gamma, K, by the same database, to 0.5 K.
 TRANSFORMATIONS = [
     (0.01, 0.0, 0.0, 1684.5, 1675.5), (0.05, 0.0, 0.0, 1733.5, 1702.5),
     (0.1, 0.0, 0.0, 1767.5, 1732.5), (0.05, 1.0, 0.0, 1744.5, 1717.5),
@@ -176,19 +176,19 @@ TRANSFORMATIONS = [
 ]  # fmt: skip
 
 
-def test_delta_turns_to_gamma_where_the_page_says() -> None:
-    apart = {"alone": 0.0, "little": 0.0, "much": 0.0}
+def test_errors_of_the_transformation_are_those_of_the_page() -> None:
+    errors = {"carbon": 0.0, "little": 0.0, "much": 0.0}
     for carbon, manganese, silicon, *ends in TRANSFORMATIONS:
         steel = alloyed({"C": carbon, "Mn": manganese, "Si": silicon})
-        few = "alone" if manganese == silicon == 0.0 else "little"
+        few = "carbon" if manganese == silicon == 0.0 else "little"
         key = few if manganese <= 1.0 and silicon <= 0.3 else "much"
         off = np.subtract([steel.gamma_start, steel.gamma_end], ends)
-        apart[key] = max(apart[key], float(np.abs(off).max()))
-    assert apart["alone"] < 0.6 and 2.0 < apart["little"] < 3.0 and 5.0 < apart["much"] < 6.0
+        errors[key] = max(errors[key], float(np.abs(off).max()))
+    assert errors["carbon"] < 0.6 and 2.0 < errors["little"] < 3.0 and 5.0 < errors["much"] < 6.0
 
 
-def test_alloying_lowers_where_freezing_begins_and_ends_by_what_the_liquid_holds():
-    """Liquidus by the steel's own manganese, solidus by that over the partition."""
+def test_alloying_lowers_liquidus_and_solidus_by_the_liquid():
+    """The liquidus by the manganese of the steel, the solidus by that of the last liquid."""
     plain, steel = alloyed({"C": 0.05}), alloyed({"C": 0.05, "Mn": 1.0})
     assert plain.liquidus - steel.liquidus == pytest.approx(5.08 - 0.21 * 0.05, abs=1e-9)
     plain, steel = alloyed({"C": 0.7}), alloyed({"C": 0.7, "Si": 0.5})
@@ -197,29 +197,29 @@ def test_alloying_lowers_where_freezing_begins_and_ends_by_what_the_liquid_holds
     steel = alloyed({"C": 0.7, "Mn": 1.0})
 
     def last(t: float) -> tuple[float, float]:
-        """Carbon and manganese of the last liquid, where the lines are at `t`."""
+        """Return carbon and manganese of the last liquid at the temperature `t` of the lines."""
         carbon = float(ASSESSED.liquid_gamma.carbon(t))
         return carbon, 1.0 / (0.738 - 0.046 * carbon)
 
-    def lacks(t: float) -> float:
+    def deficit(t: float) -> float:
         return float(ASSESSED.gamma.carbon(t)) * (1.0 - 0.014 * last(t)[1]) - 0.7
 
-    at = brentq(lacks, 1500.0, 1760.0)
+    at = brentq(deficit, 1500.0, 1760.0)
     carbon, manganese = last(at)
     assert steel.solidus == pytest.approx(at - (4.21 - 0.29 * carbon) * manganese, abs=1e-8)
 
 
 @pytest.mark.parametrize("carbon", [0.0, 0.08])
-def test_manganese_and_silicon_are_kept_where_each_changes_the_others_partition(carbon):
-    """By iterating both balances from the steel's own contents; the carbon beside them."""
-    steel, (own_mn, own_si) = alloyed({"C": carbon, "Mn": 2.0, "Si": 0.6}), (2.0, 0.6)
-    solid, mn, si = np.linspace(0.0, 1.0, 21), own_mn, own_si
+def test_coupled_partition_conserves_manganese_and_silicon(carbon):
+    """The reference iterates both balances from the contents of the steel."""
+    steel, (total_mn, total_si) = alloyed({"C": carbon, "Mn": 2.0, "Si": 0.6}), (2.0, 0.6)
+    solid, mn, si = np.linspace(0.0, 1.0, 21), total_mn, total_si
     t, in_liquid, in_solid = steel.pairs[0].at(solid, carbon)
     for _ in range(60):
         k_mn = 0.746 - 0.083 * in_liquid - 0.102 * si
         k_si = 0.717 + 0.038 * in_liquid - 0.04 * mn
-        mn = own_mn / (1.0 - solid * (1.0 - k_mn))
-        si = own_si / (1.0 - solid * (1.0 - k_si))
+        mn = total_mn / (1.0 - solid * (1.0 - k_mn))
+        si = total_si / (1.0 - solid * (1.0 - k_si))
     drop = (5.08 - 0.21 * in_liquid) * mn + (9.55 + 2.74 * in_liquid + 1.05 * si) * si
     drop += 0.94 * mn * si
     melting = np.array([ASSESSED.liquid_delta.temperature(one) for one in in_liquid])
@@ -227,8 +227,8 @@ def test_manganese_and_silicon_are_kept_where_each_changes_the_others_partition(
     assert solid * in_solid + (1.0 - solid) * in_liquid == pytest.approx(carbon, abs=1e-12)
 
 
-def test_iron_with_manganese_freezes_by_the_lever_rule_of_manganese():
-    """The liquid holds Mn by its temperature, the crystals 0.746 of that."""
+def test_iron_with_manganese_obeys_the_lever_rule():
+    """The temperature gives the Mn content of the liquid; the solid has 0.746 of that."""
     steel, melting, drop, partition = alloyed({"C": 0.0, "Mn": 1.5}), 1810.95, 5.08, 0.746
     t = np.linspace(steel.solidus, steel.liquidus, 30)
     in_liquid = (melting - t) / drop
@@ -238,14 +238,14 @@ def test_iron_with_manganese_freezes_by_the_lever_rule_of_manganese():
     assert steel.solidus == pytest.approx(melting - drop * 1.5 / partition, abs=1e-9)
 
 
-def test_pure_iron_of_the_assessed_diagram_melts_at_a_point_and_alloyed_iron_does_not():
+def test_only_pure_iron_melts_at_one_temperature():
     iron, alloy = alloyed({"C": 0.0}), alloyed({"C": 0.0, "Mn": 1.0})
     assert iron.reactions == (1667.55, 1810.95) and iron.solidus == iron.liquidus == 1810.95
     assert alloy.reactions == (alloy.transformation,)
     assert alloy.liquidus - alloy.solidus == pytest.approx(5.08 / 0.746 - 5.08, abs=1e-9)
 
 
-def test_a_trace_of_manganese_or_silicon_does_next_to_nothing():
+def test_traces_of_manganese_and_silicon_have_little_effect():
     plain, steel = alloyed({"C": 0.14}), alloyed({"C": 0.14, "Mn": 1e-6, "Si": 1e-6})
     for name in ("liquidus", "solidus", "peritectic", "gamma_start", "gamma_end"):
         assert getattr(steel, name) == pytest.approx(getattr(plain, name), abs=2e-3)

@@ -1,7 +1,7 @@
-"""Phases and heat computed with pycalphad, by the Fe-C database among its tests.
+"""Phases and heat computed with pycalphad, with the Fe-C database among its tests.
 
 They need the extra calphad (tools/env.sh calphad) and are skipped without it. Temperatures are
-chosen more coarsely than in use, to be quick.
+coarser than in use, for speed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch, tmp_path):
-    """Few temperatures, and a cache of the test's own."""
+    """Use few temperatures and a separate cache."""
     settings = replace(
         equilibria.SETTINGS, longest=80.0, fraction=0.01, enthalpy=3e3, narrowest=0.05,
         freezing=0.08, step=3.0,
@@ -43,7 +43,7 @@ def table(carbon: float, scheil: Scheil | None = None) -> PhaseTable:
     return calphad.compute(Request(str(DATABASE), PHASES, scheil), {"C": carbon})
 
 
-def test_pure_iron_freezes_and_transforms_at_one_temperature():
+def test_pure_iron_transforms_at_single_temperatures():
     iron = table(0.0)
     assert iron.solidus == iron.liquidus == pytest.approx(1538.0 + ZERO, abs=0.5)
     alpha, delta, melting = iron.reactions
@@ -59,34 +59,35 @@ def test_pure_iron_freezes_and_transforms_at_one_temperature():
 
 
 @pytest.mark.parametrize("carbon", [0.09, 0.17, 0.53, 1.0])
-def test_lines_are_those_of_the_built_in_diagram(carbon):
-    """Beside the ends of the peritectic line and above; two assessments differ by some kelvins."""
-    ours, theirs = table(carbon), alloyed({"C": carbon})
-    assert ours.liquidus == pytest.approx(theirs.liquidus, abs=2.0)
-    assert ours.solidus == pytest.approx(theirs.solidus, abs=8.0 if carbon == 1.0 else 3.0)
-    peritectic = [t for t in ours.reactions if t > 1700.0]
+def test_lines_are_close_to_the_built_in_diagram(carbon):
+    """Also near the ends of the peritectic line; two assessments differ by some kelvins."""
+    computed, built_in = table(carbon), alloyed({"C": carbon})
+    assert computed.liquidus == pytest.approx(built_in.liquidus, abs=2.0)
+    assert computed.solidus == pytest.approx(built_in.solidus, abs=8.0 if carbon == 1.0 else 3.0)
+    peritectic = [t for t in computed.reactions if t > 1700.0]
     assert len(peritectic) == (1 if 0.1 < carbon < 0.5 else len(peritectic))
-    assert ours.header["freezing"] == "equilibrium" and "outside" not in ours.header
-    carbides = ours.fraction("carbides", 500.0)
+    assert computed.header["freezing"] == "equilibrium" and "outside" not in computed.header
+    carbides = computed.fraction("carbides", 500.0)
     assert carbides == pytest.approx(carbon / 6.69, rel=0.05)
 
 
-def test_scheil_without_diffusion_is_that_of_the_package():
+def test_scheil_without_diffusion_matches_the_package():
     scheil = pytest.importorskip("scheil")
-    ours = table(0.6, Scheil(end=0.05, carbon_diffuses=False))
+    computed = table(0.6, Scheil(end=0.05, carbon_diffuses=False))
     carbon = 0.6 / 12.011 / (0.6 / 12.011 + 99.4 / 55.847)
-    theirs = scheil.simulate_scheil_solidification(
+    reference = scheil.simulate_scheil_solidification(
         pycalphad.Database(str(DATABASE)), ["FE", "C", "VA"], list(PHASES),
-        {pycalphad.variables.X("C"): carbon}, ours.liquidus + 1.0, step_temperature=2.0, stop=0.04,
+        {pycalphad.variables.X("C"): carbon}, computed.liquidus + 1.0,
+        step_temperature=2.0, stop=0.04,
     )  # fmt: skip
-    t, solid = np.array(theirs.temperatures[1:-1]), np.array(theirs.fraction_solid[1:-1])
-    inside = (t > ours.solidus) & (t < ours.liquidus - 2.0)
+    t, solid = np.array(reference.temperatures[1:-1]), np.array(reference.fraction_solid[1:-1])
+    inside = (t > computed.solidus) & (t < computed.liquidus - 2.0)
     assert inside.sum() > 40
-    # Theirs is of moles, of which the liquid has up to a tenth more by its carbon.
-    assert np.abs(1.0 - ours.fraction("liquid", t[inside]) - solid[inside]).max() < 0.02
+    # The package has mole fractions; those of the liquid are up to a tenth larger by its carbon.
+    assert np.abs(1.0 - computed.fraction("liquid", t[inside]) - solid[inside]).max() < 0.02
 
 
-def test_scheil_with_carbon_that_diffuses_is_the_lever_rule_of_iron_and_carbon():
+def test_scheil_with_diffusing_carbon_is_the_lever_rule():
     lever, path = table(0.4), table(0.4, Scheil(end=0.01))
     t = np.linspace(lever.solidus + 3.0, lever.liquidus - 1.0, 40)
     peritectic = max(lever.reactions)
@@ -101,8 +102,8 @@ def test_scheil_with_carbon_that_diffuses_is_the_lever_rule_of_iron_and_carbon()
     assert total[0] == pytest.approx(total[1], rel=2e-3)
 
 
-def test_the_rest_freezes_at_the_stated_end():
-    """Without diffusion carbon piles up in the liquid: it freezes far below the solidus."""
+def test_residual_liquid_freezes_at_the_stated_fraction():
+    """Without diffusion carbon accumulates in the liquid, which freezes far below the solidus."""
     path = table(0.6, Scheil(end=0.05, carbon_diffuses=False))
     assert path.solidus in path.reactions
     assert 0.02 < path.fraction("liquid", path.solidus) <= 0.05
@@ -111,7 +112,7 @@ def test_the_rest_freezes_at_the_stated_end():
 
 
 @pytest.mark.parametrize(
-    ("text", "composition", "phases", "said"),
+    ("text", "composition", "phases", "message"),
     [
         ("ELEMENT FE BCC_A2 nonsense", {"C": 0.1}, (), "cannot be read as"),
         ("", {"C": 0.1}, (), "cannot be read as|has no elements; it is no thermodynamic database"),
@@ -120,71 +121,71 @@ def test_the_rest_freezes_at_the_stated_end():
         (None, {"C": 0.1}, ("LIQUID", "FCC_A1"), "has no phase BCC_A2"),
     ],
 )
-def test_what_a_database_cannot_do_is_one_line(tmp_path, text, composition, phases, said):
+def test_unsuitable_database_is_rejected_in_one_line(tmp_path, text, composition, phases, message):
     file = DATABASE if text is None else tmp_path / "bad.tdb"
     if text is not None:
         file.write_text(text)
-    with pytest.raises(InputError, match=said) as told:
+    with pytest.raises(InputError, match=message) as caught:
         load_steel(
             "plain_carbon", composition=composition,
             overrides={"database": Request(str(file), phases)}, origin="steel",
         )  # fmt: skip
-    (line,) = told.value.problems
+    (line,) = caught.value.problems
     assert line.startswith(f'steel.database ("{file}"): ') and "\n" not in line
     assert not list((tmp_path / "cache").rglob("*.csv"))
 
 
-def test_pieces_of_an_enthalpy_that_miss_one_another_leave_a_row_out():
-    """As that of liquid iron at 1811 K, just above where iron melts, in one database."""
+def test_row_with_a_small_misfit_of_enthalpy_is_omitted():
+    """In one database the enthalpy of liquid iron has such a misfit at 1811 K."""
     solve = equilibria.Equilibria(DATABASE, ["Fe"], PHASES[:3])
     at = [solve.state(t, solve.moles({})) for t in (1810.99, 1811.0, 1811.05, 1815.0)]
-    first, fallen, *rest = at
-    fallen = replace(fallen, enthalpy=first.enthalpy - 6.0)
-    assert freezing_paths.joined([first, fallen, *rest]) == [first, *rest]
-    wrong = replace(fallen, enthalpy=first.enthalpy - 25.0)  # no misfit, but another state
-    assert freezing_paths.joined([first, wrong, *rest]) == [first, wrong, *rest]
+    first, lower, *rest = at
+    lower = replace(lower, enthalpy=first.enthalpy - 6.0)
+    assert freezing_paths.joined([first, lower, *rest]) == [first, *rest]
+    different = replace(lower, enthalpy=first.enthalpy - 25.0)  # another state, no misfit
+    assert freezing_paths.joined([first, different, *rest]) == [first, different, *rest]
 
 
-def test_no_equilibrium_is_one_line_and_leaves_nothing(tmp_path, monkeypatch):
+def test_failed_equilibrium_is_reported_in_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(equilibria.Equilibria, "_solve", lambda *_: None)
-    with pytest.raises(ValueError, match=r"no equilibrium at 1600\.00 degC .*Fe") as told:
+    with pytest.raises(ValueError, match=r"no equilibrium at 1600\.00 degC .*Fe") as caught:
         calphad.table_of(Request(str(DATABASE)), {"C": 0.1})
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
     assert not list((tmp_path / "cache").rglob("*.csv"))
 
 
-def test_the_better_of_two_equilibria_counts(monkeypatch):
-    """A start of pycalphad may end at a state that is not the most stable one."""
+def test_more_stable_of_two_equilibria_is_used(monkeypatch):
+    """An initial guess of pycalphad may end at a state that is not the most stable."""
     solve = equilibria.Equilibria(DATABASE, ["Fe", "C"], PHASES)
     moles = solve.moles({"C": 0.1})
-    real = solve._solve
+    original = solve._solve
 
-    def deceived(temperature, moles, phases, samples):
+    def misled(temperature, moles, phases, samples):
         few = ["LIQUID"] if samples == 60 else phases
-        return real(temperature, moles, few, samples)
+        return original(temperature, moles, few, samples)
 
-    monkeypatch.setattr(solve, "_solve", deceived)
+    monkeypatch.setattr(solve, "_solve", misled)
     assert solve.state(1300.0, moles).mass[0] == 0.0
 
 
-def test_states_that_do_not_fit_together_are_sought_from_more_starts(monkeypatch):
-    """Where the first starts find austenite in the cold, the enthalpy falls at the end of that."""
-    real = equilibria.Equilibria._solve
+def test_inconsistent_states_are_recomputed_from_more_starts(monkeypatch):
+    """The first starts find austenite at low temperatures, after which the enthalpy decreases."""
+    original = equilibria.Equilibria._solve
 
-    def deceived(self, temperature, moles, phases, samples):
+    def misled(self, temperature, moles, phases, samples):
         cold = 500.0 < temperature < 700.0 and samples in (60, 20)
-        return real(self, temperature, moles, ["FCC_A1"] if cold else phases, samples)
+        return original(self, temperature, moles, ["FCC_A1"] if cold else phases, samples)
 
-    honest = table(0.6)
-    monkeypatch.setattr(equilibria.Equilibria, "_solve", deceived)
+    expected = table(0.6)
+    monkeypatch.setattr(equilibria.Equilibria, "_solve", misled)
     found = table.__wrapped__(0.6)
     t = np.linspace(300.0, 1800.0, 60)
-    assert found.value("enthalpy", t) == pytest.approx(honest.value("enthalpy", t), abs=3e3)
+    assert found.value("enthalpy", t) == pytest.approx(expected.value("enthalpy", t), abs=3e3)
     for name in ("alpha", "carbides", "liquid"):
-        assert found.fraction(name, t) == pytest.approx(honest.fraction(name, t), abs=0.02)
+        assert found.fraction(name, t) == pytest.approx(expected.fraction(name, t), abs=0.02)
 
 
-def test_a_table_is_computed_once(tmp_path, monkeypatch):
+def test_table_is_computed_once(tmp_path, monkeypatch):
     request = Request(str(DATABASE), PHASES)
     first = calphad.table_of(request, {"C": 0.6})
     stored = tmp_path / "phases.csv"
@@ -196,7 +197,7 @@ def test_a_table_is_computed_once(tmp_path, monkeypatch):
     calphad._cached.cache_clear()
     monkeypatch.setattr(calphad, "compute", lambda *_: pytest.fail("computed again"))
     assert calphad.table_of(request, {"C": 0.6}).to_text() == first.to_text()
-    kept.write_text(kept.read_text()[:2000])  # cut short: of no use
+    kept.write_text(kept.read_text()[:2000])  # truncated: invalid
     calphad._cached.cache_clear()
     monkeypatch.setattr(calphad, "compute", lambda *_: first)
     calphad.table_of(request, {"C": 0.6})

@@ -1,4 +1,4 @@
-"""Free contraction of peritectic and other steels, by hand from phases and their volumes."""
+"""Free contraction of peritectic and other steels, compared with values computed by hand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DELTA_END, GAMMA_END = 0.0929, 0.1717  # wt%, of delta and gamma at the peritect
 
 
 def solidus(carbon: float) -> float:
-    """Where the line of delta or of gamma beside the liquid has a carbon content, degC."""
+    """Return the temperature at which the solidus of delta or gamma has a carbon content, degC."""
     if DELTA_END <= carbon <= GAMMA_END:
         return PERITECTIC
     hot, cold, first, last, b0, b1 = (
@@ -39,7 +39,7 @@ def steel(carbon: float, expansion: str = "chandra") -> Steel:
 
 
 def chandra(celsius: float, carbon: float, phase: str) -> float:
-    """Volume of a gram of delta (two atoms in a cell) or gamma iron (four) with carbon, cm3."""
+    """Return the volume of 1 g of delta (2 atoms per cell) or gamma iron (4) with carbon, cm3."""
     start, slope, atoms = (0.1234, 9.38e-6, 2) if phase == "delta" else (0.1225, 9.45e-6, 4)
     pure = start + slope * (celsius - 20)
     edge = (pure * atoms * 55.845 / 6.02214076e23) ** (1 / 3) * 1e8  # Angstrom
@@ -51,7 +51,7 @@ def chandra(celsius: float, carbon: float, phase: str) -> float:
 
 
 def harste(celsius: float, carbon: float, phase: str) -> float:
-    """Volume of a kilogram by Harste's densities, m3."""
+    """Return the volume of 1 kg by Harste's densities, m3."""
     start, slope, widening = (8011, 0.47, 0.013) if phase == "delta" else (8106, 0.51, 0.008)
     return (100 - carbon) * (1 + widening * carbon) ** 3 / (100 * (start - slope * celsius))
 
@@ -60,10 +60,10 @@ VOLUMES = {"chandra": chandra, "density": harste}
 
 
 def by_hand(carbon: float, formula: str) -> float:
-    """Contraction from the solidus to 1200 degC, per cent, positive.
+    """Return the contraction from the solidus to 1200 degC, per cent, positive.
 
-    0.05 %C freezes to delta alone and turns to gamma in the solid; 0.12 %C is left by the last
-    liquid, at the peritectic, as delta and gamma by the lever rule; 0.25 %C freezes to gamma alone.
+    0.05 %C solidifies as delta and transforms in the solid; 0.12 %C consists of delta and gamma by
+    the lever rule at the end of the peritectic reaction; 0.25 %C ends its solidification as gamma.
     """
     volume = VOLUMES[formula]
     if carbon == 0.05:
@@ -79,7 +79,7 @@ def by_hand(carbon: float, formula: str) -> float:
 
 @pytest.mark.parametrize("formula", VOLUMES)
 @pytest.mark.parametrize("carbon", [0.05, 0.12, 0.25])
-def test_free_contraction_by_hand(carbon: float, formula: str) -> None:
+def test_free_contraction_is_that_by_hand(carbon: float, formula: str) -> None:
     found = steel(carbon, formula)
     assert found.solidus - ZERO == pytest.approx(solidus(carbon), abs=1e-9)
     contraction = -100.0 * float(found.thermal_strain(COLD + ZERO))
@@ -90,17 +90,17 @@ def test_free_contraction_by_hand(carbon: float, formula: str) -> None:
     ("formula", "expected"),
     [("chandra", (0.9589, 0.8463, 0.6238)), ("density", (0.9009, 0.8075, 0.6402))],
 )
-def test_less_contracts_the_steel_that_has_more_austenite_when_it_freezes(
+def test_contraction_decreases_with_austenite_at_the_solidus(
     formula: str, expected: tuple[float, ...]
 ) -> None:
-    """0.05, 0.12 and 0.25 %C to 1200 degC, per cent."""
+    """The values are of 0.05, 0.12 and 0.25 %C to 1200 degC, per cent."""
     found = [by_hand(carbon, formula) for carbon in (0.05, 0.12, 0.25)]
     assert found == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("formula", VOLUMES)
-def test_delta_to_gamma_contracts_where_it_happens(formula: str) -> None:
-    """0.12 %C: within 25 K of its solidus; 0.05 %C: far below; 0.25 %C: before it is solid."""
+def test_transformation_contracts_in_its_range(formula: str) -> None:
+    """0.12 %C: within 25 K of its solidus; 0.05 %C: far below; 0.25 %C: above its solidus."""
     first, ends = {}, {}
     for carbon in (0.05, 0.12, 0.25):
         found = steel(carbon, formula)
@@ -108,7 +108,7 @@ def test_delta_to_gamma_contracts_where_it_happens(formula: str) -> None:
         assert start is not None and end is not None
         at = np.array([start, end, end - 100.0])
         by_phase = found.transformation_strain(at)
-        by_phase /= 1.0 + found.thermal_strain(at) - by_phase  # of the length as it has cooled
+        by_phase /= 1.0 + found.thermal_strain(at) - by_phase  # relative to the cooled length
         assert by_phase[0] == pytest.approx(0.0, abs=1e-12)
         assert by_phase[2] == pytest.approx(by_phase[1], abs=1e-12)
         if carbon < 0.25:
@@ -116,26 +116,26 @@ def test_delta_to_gamma_contracts_where_it_happens(formula: str) -> None:
         ends[carbon] = end
         first[carbon] = -float(found.thermal_strain(found.solidus - 25.0))
     assert first[0.12] > 3.0 * max(first[0.05], first[0.25])
-    # Of 0.12 %C all of it lies within those 25 K.
+    # In 0.12 %C all of it occurs within those 25 K.
     assert PERITECTIC - 25.0 < ends[0.12] - ZERO < PERITECTIC - 24.0
 
 
 @pytest.mark.parametrize("formula", VOLUMES)
 @pytest.mark.parametrize("carbon", [0.0, 0.05, 0.12, 0.17, 0.25])
-def test_thermal_part_is_the_integral_at_given_phases(carbon: float, formula: str) -> None:
-    """By a quadrature of its own over slopes at fixed fractions and carbon contents."""
+def test_thermal_part_is_the_integral_at_fixed_phases(carbon: float, formula: str) -> None:
+    """The reference is a quadrature of slopes at fixed fractions and carbon contents."""
     found = steel(carbon, formula)
 
     def slope(kelvin: float) -> float:
         p = found.diagram.phases(kelvin)  # type: ignore[union-attr]
 
-        def whole(celsius: float) -> float:
+        def volume(celsius: float) -> float:
             parts = ((float(p.delta), float(p.carbon_delta), "delta"),
                      (float(p.gamma), float(p.carbon_gamma), "gamma"))  # fmt: skip
             return sum(f * VOLUMES[formula](celsius, c, name) for f, c, name in parts if f > 0.0)
 
         t = kelvin - ZERO
-        return (whole(t + 0.5) - whole(t - 0.5)) / (3.0 * whole(t))
+        return (volume(t + 0.5) - volume(t - 0.5)) / (3.0 * volume(t))
 
     cold, hot = COLD + ZERO, found.solidus - 1e-9
     kinks = [t for t in found.diagram.kinks if cold < t < hot]
@@ -144,31 +144,31 @@ def test_thermal_part_is_the_integral_at_given_phases(carbon: float, formula: st
     assert np.log1p(by_phase) == pytest.approx(thermal, rel=1e-6)
 
 
-def test_contraction_without_phases_has_no_part_by_them() -> None:
+def test_steel_without_phases_has_no_transformation_strain() -> None:
     found = load_steel("carbon_042")
     t = np.array([300.0, 1400.0, 1900.0])
     assert not found.transformation_strain(t).any() and found.thermal_strain(t).any()
 
 
-def test_material_tells_what_the_phases_contract_by() -> None:
-    told = dict(describe_steel(steel(0.12)))["contraction"]
-    assert told == "0.846 % from solidus to 1200 °C, 0.176 % of it by δ to γ"
+def test_description_has_the_contraction_by_phases() -> None:
+    text = dict(describe_steel(steel(0.12)))["contraction"]
+    assert text == "0.846 % from solidus to 1200 °C, 0.176 % of it by δ to γ"
     assert "contraction" not in dict(describe_steel(steel(0.25)))
 
 
 @pytest.mark.parametrize(
     ("diagram", "end", "below"), [("assessed", 19.6, 16.5), ("pascon", 35.2, 32)]
 )
-def test_a_tenth_of_delta_is_left_where_docs_coupling_says(
+def test_tenth_of_delta_is_at_the_temperature_of_the_page(
     diagram: DiagramName, end: float, below: float
 ) -> None:
-    """The flow law of `billet180/peritectic` jumps there, so far below the solidus (K)."""
+    """There the flow law of `billet180/peritectic` jumps, `below` K below the solidus."""
     billet = alloyed({"C": 0.12, "Mn": 0.5, "Si": 0.25}, diagram)
 
-    def left(drop: float) -> float:
+    def excess(drop: float) -> float:
         return float(billet.phases(billet.solidus - drop, "below").delta) - 0.1
 
-    jump = float(brentq(left, 1.0, 40.0))
+    jump = float(brentq(excess, 1.0, 40.0))
     assert billet.gamma_end is not None
     assert billet.solidus - billet.gamma_end == pytest.approx(end, abs=0.1)
     assert jump == pytest.approx(below, abs=0.6)

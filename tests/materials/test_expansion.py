@@ -26,7 +26,7 @@ from castfem.physics.materials.iron_carbon import IronCarbon
 ZERO = 273.15
 
 
-def test_constant_coefficient():
+def test_constant_coefficient_gives_linear_strain():
     law = ConstantExpansion(13.5e-6)
     assert law.strain([1000.0, 1100.0], 1725.15) == pytest.approx(
         [-13.5e-6 * 725.15, -13.5e-6 * 625.15], rel=1e-14
@@ -34,8 +34,8 @@ def test_constant_coefficient():
 
 
 @given(st.floats(700.0, 2000.0), st.floats(700.0, 2000.0))
-def test_differential_table_gives_the_length_that_grows_by_it(temperature, reference):
-    """By dL = alpha L dT, integrated exactly."""
+def test_differential_table_is_integrated_exactly(temperature, reference):
+    """The length satisfies dL = alpha L dT."""
     table = Table("temperature", (900.0, 1200.0, 1500.0), (12e-6, 18e-6, 15e-6))
     law = DifferentialExpansion(table)
     integral = quad(
@@ -54,13 +54,13 @@ def test_mean_table_counts_from_its_origin():
     )
 
 
-def test_density_law_is_the_cube_root():
+def test_density_law_is_the_cube_root_of_volume():
     law = DensityExpansion(Table("temperature", (1000.0, 1500.0), (7600.0, 7400.0)))
     assert float(law.strain(1000.0, 1500.0)) == pytest.approx((7400 / 7600) ** (1 / 3) - 1)
     assert np.all(DensityExpansion(Constant(7400.0)).strain([900.0, 1400.0], 1700.0) == 0.0)
 
 
-def test_pure_iron_keeps_wrays_volumes():
+def test_pure_iron_has_the_volumes_of_wray():
     law = ChandraExpansion(IronCarbon(0.0))
     assert float(law.specific_volume(1450 + ZERO)) == pytest.approx(
         1e-3 * (0.1234 + 9.38e-6 * 1430), rel=1e-14
@@ -70,8 +70,8 @@ def test_pure_iron_keeps_wrays_volumes():
     )
 
 
-def test_volume_of_austenite_with_carbon_is_that_of_its_cell():
-    """Four iron atoms and their share of carbon in a cube, against the specific volume."""
+def test_volume_of_austenite_is_that_of_its_unit_cell():
+    """The cell has four iron atoms and their share of carbon."""
     celsius, carbon = 1300.0, 0.42
     avogadro, iron = 6.02214076e23, 55.845
     pure = np.cbrt((0.1225 + 9.45e-6 * 1280) * 4 * iron / avogadro)  # cm
@@ -82,8 +82,8 @@ def test_volume_of_austenite_with_carbon_is_that_of_its_cell():
     assert volume == pytest.approx(1e-3 * edge**3 / grams, rel=1e-12)
 
 
-def test_carbon_corrections_are_those_of_independent_data():
-    """Lattice of austenite at 20 degC, and the mean slopes in Harste's densities."""
+def test_carbon_corrections_match_independent_data():
+    """The lattice of austenite at 20 degC, and the mean slopes of Harste's densities."""
     assert float(gamma_edge_per_carbon(20.0)) == pytest.approx(0.0330, rel=0.05)
     edge = 3.57  # Angstrom
     assert float(gamma_edge_per_carbon(700.0)) / edge == pytest.approx(0.008, rel=0.02)
@@ -93,13 +93,13 @@ def test_carbon_corrections_are_those_of_independent_data():
     assert np.all(hot > 0.0) and np.all(np.diff(hot) < 0.0)
 
 
-def test_atomic_percent():
+def test_atomic_percent_of_cementite():
     assert float(atomic_percent(0.0)) == 0.0
     assert float(atomic_percent(6.67)) == pytest.approx(25.0, abs=0.1)  # cementite, Fe3C
 
 
 @pytest.mark.parametrize("celsius", [900.0, 1100.0, 1400.0])
-def test_austenite_contracts_as_the_thesis_reads_off(celsius):
+def test_contraction_of_austenite_is_that_of_the_thesis(celsius):
     """V.1.4.3 quotes 22e-6 1/K for austenite from its Figure 28."""
     steel = load_steel("plain_carbon", composition={"C": 0.42})
     assert float(steel.thermal_expansion(celsius + ZERO)) == pytest.approx(22e-6, rel=0.03)
@@ -107,23 +107,23 @@ def test_austenite_contracts_as_the_thesis_reads_off(celsius):
 
 @pytest.mark.parametrize("carbon", [0.05, 0.15, 0.42])
 def test_chandra_and_densities_agree(carbon):
-    """Two independent sets of volumes: within 8 % of the contraction to 1000 degC."""
-    one = load_steel("plain_carbon", composition={"C": carbon})
-    other = load_steel(
+    """Two independent sets of volumes agree to 8 % in the contraction to 1000 degC."""
+    chandra = load_steel("plain_carbon", composition={"C": carbon})
+    harste = load_steel(
         "plain_carbon",
         composition={"C": carbon},
         overrides={"thermal_expansion": {"formula": "density"}},
     )
-    assert float(one.thermal_strain(1273.15)) == pytest.approx(
-        float(other.thermal_strain(1273.15)), rel=0.08
+    assert float(chandra.thermal_strain(1273.15)) == pytest.approx(
+        float(harste.thermal_strain(1273.15)), rel=0.08
     )
 
 
-def test_delta_to_gamma_shrinks_the_low_carbon_steel():
+def test_delta_to_gamma_contracts_low_carbon_steel():
     steel = load_steel("plain_carbon", composition={"C": 0.05})
     start, end = steel.diagram.gamma_start, steel.diagram.gamma_end
     shrinkage = float(steel.thermal_strain(start) - steel.thermal_strain(end))
-    assert 0.0022 < shrinkage < 0.0032  # 22 K alone would be 0.0005
+    assert 0.0022 < shrinkage < 0.0032  # cooling by 22 K gives 0.0005
 
 
 @given(st.floats(0.0, 1.0), st.floats(900.0, 1900.0))

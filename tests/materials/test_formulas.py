@@ -1,4 +1,4 @@
-"""The named formulas: continuity, physics, and agreement between independent ones."""
+"""The named formulas: continuity, physical bounds, agreement of independent formulas."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from castfem.physics.materials.properties import named
 ZERO = 273.15
 
 
-def alone(phase: str, carbon: float = 0.0) -> Phases:
+def single_phase(phase: str, carbon: float = 0.0) -> Phases:
     names = ("liquid", "delta", "gamma")
-    one = [np.array(float(name == phase)) for name in names]
-    held = [np.array(carbon if name == phase else np.nan) for name in names]
-    return Phases(*one, *held)
+    fractions = [np.array(float(name == phase)) for name in names]
+    contents = [np.array(carbon if name == phase else np.nan) for name in names]
+    return Phases(*fractions, *contents)
 
 
 def value(name: str, celsius: float, phase: str, carbon: float = 0.0, **parameters) -> float:
     t = np.array(celsius + ZERO)
-    return float(FORMULAS[name].evaluate(t, alone(phase, carbon), **parameters))
+    return float(FORMULAS[name].evaluate(t, single_phase(phase, carbon), **parameters))
 
 
-def test_conductivity_of_delta_and_gamma_meet_at_1400():
+def test_conductivities_of_delta_and_gamma_agree_at_1400():
     gamma, delta = (value("harste_conductivity", 1400.0, p) for p in ("gamma", "delta"))
     assert gamma == pytest.approx(33.3, abs=0.05)
     assert delta == pytest.approx(gamma, rel=0.005)
 
 
-def test_liquid_factor_multiplies_the_liquid_alone():
+def test_liquid_factor_multiplies_only_the_liquid():
     assert value("harste_conductivity", 1550.0, "liquid", liquid_factor=2.0) == 78.0
     assert value("harste_conductivity", 1300.0, "gamma", liquid_factor=2.0) == pytest.approx(
         21.6 + 8.35e-3 * 1300
     )
 
 
-def test_heat_of_fusion_and_of_transformation_of_pure_iron():
+def test_pure_iron_has_its_heats_of_fusion_and_transformation():
     fusion = value("harste_enthalpy", 1811 - ZERO, "liquid") - value(
         "harste_enthalpy", 1811 - ZERO, "delta"
     )
@@ -54,20 +54,20 @@ def test_heat_of_fusion_and_of_transformation_of_pure_iron():
 @pytest.mark.parametrize("phase", ["liquid", "delta", "gamma"])
 def test_specific_heat_is_the_slope_of_the_enthalpy(phase):
     t = np.array([1400.0, 1700.0])
-    h = [harste_enthalpy(t + d, alone(phase)) for d in (-1.0, 1.0)]
+    h = [harste_enthalpy(t + d, single_phase(phase)) for d in (-1.0, 1.0)]
     slope = (h[1] - h[0]) / 2.0
-    assert FORMULAS["harste_specific_heat"].evaluate(t, alone(phase)) == pytest.approx(
+    assert FORMULAS["harste_specific_heat"].evaluate(t, single_phase(phase)) == pytest.approx(
         slope, rel=1e-9
     )
 
 
-def test_density_jump_from_delta_to_gamma():
-    liquid, delta, gamma = phase_densities(np.array(1400.0 + ZERO), alone("gamma", 0.1))
-    delta_01 = phase_densities(np.array(1400.0 + ZERO), alone("delta", 0.1))[1]
+def test_densities_of_the_phases_have_their_values():
+    liquid, delta, gamma = phase_densities(np.array(1400.0 + ZERO), single_phase("gamma", 0.1))
+    delta_01 = phase_densities(np.array(1400.0 + ZERO), single_phase("delta", 0.1))[1]
     assert float(gamma) == pytest.approx(7382, abs=1)
     assert float(delta_01) == pytest.approx(7332, abs=1)
     assert float(liquid) == pytest.approx(7100 + 0.8 * 150, rel=1e-12)
-    assert float(delta) > float(delta_01)  # carbon widens the lattice more than it weighs
+    assert float(delta) > float(delta_01)  # carbon adds more volume than mass
 
 
 def test_mixture_density_adds_volumes():
@@ -79,7 +79,7 @@ def test_mixture_density_adds_volumes():
 
 
 @pytest.mark.parametrize(("celsius", "expected"), [(700, 0.70), (900, 0.75), (1100, 0.80)])
-def test_emissivity(celsius, expected):
+def test_emissivity_has_its_values(celsius, expected):
     assert float(named("scaled_surface_emissivity")(celsius + ZERO)) == pytest.approx(
         expected, abs=0.006
     )
@@ -89,11 +89,11 @@ def test_emissivity(celsius, expected):
     ("celsius", "gpa"),
     [(900, 32.4), (1000, 20.0), (1100, 14.5), (1200, 12.9), (1300, 11.95), (1400, 8.6)],
 )
-def test_youngs_modulus(celsius, gpa):
+def test_youngs_modulus_has_its_values(celsius, gpa):
     assert float(named("mizukami_modulus")(celsius + ZERO)) == pytest.approx(gpa * 1e9, rel=0.01)
 
 
-def test_youngs_modulus_keeps_between_floor_and_ceiling():
+def test_youngs_modulus_stays_between_floor_and_ceiling():
     law = named("mizukami_modulus", floor=2e9, ceiling=1e11)
     t = np.linspace(300.0, 2000.0, 500)
     e = law(t)
@@ -105,7 +105,7 @@ def test_youngs_modulus_keeps_between_floor_and_ceiling():
 
 
 @given(st.floats(0.0, 1.2), st.sampled_from(["above", "below"]))
-def test_phase_formulas_are_sound_over_the_whole_range(carbon, side):
+def test_phase_formulas_stay_within_physical_bounds(carbon, side):
     diagram = IronCarbon(carbon)
     t = np.union1d(np.linspace(293.15, 1973.15, 200), diagram.kinks)
     bounds = {
@@ -119,7 +119,7 @@ def test_phase_formulas_are_sound_over_the_whole_range(carbon, side):
 
 
 @given(st.floats(0.0, 2.0), st.sampled_from([{}, {"Mn": 2.0, "Si": 0.6}, {"Si": 0.6}]))
-def test_enthalpy_rises_with_temperature(carbon, others):
+def test_enthalpy_increases_with_temperature(carbon, others):
     diagram = alloyed({"C": carbon, **others}) if others else IronCarbon(carbon)
     t = np.union1d(np.linspace(1000.0, 1900.0, 900), diagram.kinks)
     law = named("harste_enthalpy", diagram)
@@ -132,7 +132,7 @@ def test_formula_by_phase_needs_the_diagram():
         named("harste_conductivity")
 
 
-def test_every_formula_tells_its_origin():
+def test_every_formula_has_source_and_status():
     for formula in FORMULAS.values():
         assert formula.source and formula.status in "FMC"
         assert formula.evaluate.__doc__

@@ -1,4 +1,4 @@
-"""Iron-carbon equilibrium: the thesis' three steels, and what holds for every steel."""
+"""Iron-carbon equilibrium: the three steels of the thesis, and properties of every steel."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def fractions(steel: IronCarbon, celsius: float, side: str = "above") -> tuple[f
         (0.42, 1538 - 43 * 0.42 / 0.51, 1495 - 347 * 0.24 / 1.93),
     ],
 )
-def test_characteristic_temperatures_of_the_thesis(carbon, liquidus, solidus):
+def test_limits_are_those_of_the_thesis(carbon, liquidus, solidus):
     steel = IronCarbon(carbon)
     assert steel.liquidus - ZERO == pytest.approx(liquidus, abs=1e-9)
     assert steel.solidus - ZERO == pytest.approx(solidus, abs=1e-9)
 
 
-def test_delta_gamma_limits():
+def test_limits_of_delta_to_gamma_are_exact():
     low, middle, high = IronCarbon(0.05), IronCarbon(0.15), IronCarbon(0.42)
     assert low.gamma_start - ZERO == pytest.approx(1444.5, abs=1e-9)
     assert low.gamma_end - ZERO == pytest.approx(1394 + 101 * 0.05 / 0.18, abs=1e-9)
@@ -73,7 +73,7 @@ def test_delta_gamma_limits():
     assert IronCarbon(0.6).gamma_start is None and IronCarbon(0.6).gamma_end is None
 
 
-def test_low_carbon_steel_at_1520():
+def test_phases_of_low_carbon_steel_at_1520():
     p = IronCarbon(0.05).phases(1520 + ZERO)
     assert float(p.carbon_liquid) == pytest.approx(18 / 43 * 0.51, rel=1e-12)
     assert float(p.carbon_delta) == pytest.approx(18 / 43 * 0.10, rel=1e-12)
@@ -82,7 +82,7 @@ def test_low_carbon_steel_at_1520():
     assert (float(p.liquid), float(p.delta)) == pytest.approx((0.0474, 0.9526), abs=5e-5)
 
 
-def test_delta_to_gamma_of_the_low_carbon_steel():
+def test_phases_of_low_carbon_steel_at_1430():
     p = IronCarbon(0.05).phases(1430 + ZERO)
     share = 36 / 101
     expected = (0.05 - 0.10 * share) / (0.08 * share)
@@ -90,27 +90,27 @@ def test_delta_to_gamma_of_the_low_carbon_steel():
     assert float(p.carbon_gamma) == pytest.approx(0.18 * share, rel=1e-12)
 
 
-def test_peritectic_jump_of_015():
+def test_peritectic_reaction_of_015():
     steel = IronCarbon(0.15)
     assert fractions(steel, 1495.0) == pytest.approx((5 / 41, 36 / 41, 0.0), abs=1e-12)
     assert fractions(steel, 1495.0, "below") == pytest.approx((0.0, 0.375, 0.625), abs=1e-12)
 
 
-def test_peritectic_jump_of_042():
-    """The thesis prints 0.723; its own balance gives 24/33 = 0.727."""
+def test_peritectic_reaction_of_042():
+    """The thesis prints 0.723; its balance gives 24/33 = 0.727."""
     steel = IronCarbon(0.42)
     assert fractions(steel, 1495.0) == pytest.approx((32 / 41, 9 / 41, 0.0), abs=1e-12)
     assert fractions(steel, 1495.0, "below") == pytest.approx((24 / 33, 0.0, 9 / 33), abs=1e-12)
 
 
-def test_high_carbon_freezes_to_austenite_alone():
+def test_high_carbon_steel_has_no_ferrite():
     steel = IronCarbon(1.0)
     p = steel.phases(np.linspace(1300, 1600, 301) + ZERO)
     assert np.all(p.delta == 0.0)
     assert steel.reactions == ()
 
 
-def test_pure_iron_melts_and_transforms_at_a_point():
+def test_pure_iron_transforms_at_single_temperatures():
     iron = IronCarbon(0.0)
     assert iron.reactions == (1667.15, 1811.15)
     assert fractions(iron, 1538.0) == (1.0, 0.0, 0.0)
@@ -121,25 +121,25 @@ def test_pure_iron_melts_and_transforms_at_a_point():
 
 
 @given(steels, temperatures, sides)
-def test_fractions_sum_to_one_and_keep_the_carbon(steel, temperature, side):
+def test_fractions_sum_to_one_and_conserve_carbon(steel, temperature, side):
     p = steel.phases(temperature, side)
     parts = np.array([p.liquid, p.delta, p.gamma])
     assert np.all((parts >= 0.0) & (parts <= 1.0))
     assert parts.sum() == pytest.approx(1.0, abs=4e-16)
-    held = np.array([p.carbon_liquid, p.carbon_delta, p.carbon_gamma])
-    assert np.all(np.isnan(held) == (parts == 0.0))
-    assert np.nansum(parts * held) == pytest.approx(steel.carbon, abs=1e-14)
+    contents = np.array([p.carbon_liquid, p.carbon_delta, p.carbon_gamma])
+    assert np.all(np.isnan(contents) == (parts == 0.0))
+    assert np.nansum(parts * contents) == pytest.approx(steel.carbon, abs=1e-14)
 
 
 @given(steels, sides)
-def test_liquid_fraction_never_falls_on_heating(steel, side):
+def test_liquid_fraction_never_decreases_on_heating(steel, side):
     t = np.union1d(np.linspace(1390.0, 1850.0, 2000), steel.kinks)
     assert np.all(np.diff(steel.phases(t, side).liquid) >= -1e-15)
 
 
 @given(steels, st.floats(0.0, 1.0))
-def test_continuous_away_from_the_reactions(steel, share):
-    """A step of 1e-9 of the interval between two kinks moves no fraction by more than 1e-6."""
+def test_fractions_are_continuous_except_at_reactions(steel, share):
+    """A step of 1e-9 of the interval between two kinks changes no fraction by more than 1e-6."""
     limits = [1300.0, *steel.kinks, 1900.0]
     for low, high in itertools.pairwise(limits):
         if high - low < 1e-6:
@@ -153,9 +153,9 @@ def test_continuous_away_from_the_reactions(steel, share):
 
 
 @given(steels)
-def test_both_sides_agree_at_kinks_that_are_no_reactions(steel):
-    calm = [t for t in steel.kinks if t not in steel.reactions]
-    above, below = steel.phases(calm, "above"), steel.phases(calm, "below")
+def test_both_sides_agree_at_kinks_without_reaction(steel):
+    kinks = [t for t in steel.kinks if t not in steel.reactions]
+    above, below = steel.phases(kinks, "above"), steel.phases(kinks, "below")
     assert np.array_equal(above.liquid, below.liquid)
     assert np.array_equal(above.gamma, below.gamma)
 
@@ -171,12 +171,12 @@ def test_limits_are_where_phases_begin_and_end(steel):
 
 
 @pytest.mark.parametrize("carbon", [-0.01, 2.2, float("nan")])
-def test_carbon_out_of_range_is_refused(carbon):
+def test_carbon_out_of_range_is_rejected(carbon):
     with pytest.raises(ValueError, match="carbon"):
         IronCarbon(carbon)
 
 
-def test_alloying_lowers_the_whole_diagram_of_straight_lines():
+def test_alloying_shifts_the_diagram_of_straight_lines():
     contents = {"C": 0.15, "Si": 0.2, "Mn": 0.8, "P": 0.02}
     plain, steel = alloyed({"C": 0.15}, "pascon"), alloyed(contents, "pascon")
     drop = 0.2 * 7.5 + 0.8 * 4.9 + 0.02 * 34.4
@@ -187,13 +187,13 @@ def test_alloying_lowers_the_whole_diagram_of_straight_lines():
 
 
 @pytest.mark.parametrize("diagram", ["assessed", "pascon"])
-def test_alloyed_diagram_keeps_the_carbon(diagram):
+def test_alloyed_diagram_conserves_carbon(diagram):
     p = alloyed({"C": 0.12, "Mn": 1.5}, diagram).phases(np.linspace(1600.0, 1850.0, 400))
-    held = [np.nan_to_num(c) for c in (p.carbon_liquid, p.carbon_delta, p.carbon_gamma)]
-    assert p.liquid * held[0] + p.delta * held[1] + p.gamma * held[2] == pytest.approx(0.12)
+    carbon = [np.nan_to_num(c) for c in (p.carbon_liquid, p.carbon_delta, p.carbon_gamma)]
+    assert p.liquid * carbon[0] + p.delta * carbon[1] + p.gamma * carbon[2] == pytest.approx(0.12)
 
 
-def test_diagram_out_of_order_is_refused():
+def test_diagram_out_of_order_is_rejected():
     with pytest.raises(ValueError, match="out of order"):
         alloyed({"C": 0.1, "Mn": 5.0, "Cu": 5.0, "Cr": 5.0, "Ni": 5.0})
 
@@ -203,7 +203,7 @@ def test_composition_out_of_range_names_the_element():
         alloyed({"C": 0.1, "Mn": 7.0})
 
 
-def test_regressions():
+def test_regressions_have_their_values():
     composition = {"C": 0.14, "Mn": 0.76}
     liquidus = 1536 - 78 * 0.14 - 4.9 * 0.76
     solidus = 1536 - 200 * 0.14 - 6 * 0.76
@@ -212,6 +212,6 @@ def test_regressions():
     assert regression_solidus({"C": 0.1, "S": 0.02}) < regression_solidus({"C": 0.1}) - 20
 
 
-def test_the_straight_liquidus_is_as_far_off_as_the_page_says() -> None:
-    """The assessed one at 0.80 % C is about 1476 degC (docs/materials.md)."""
+def test_error_of_the_straight_liquidus_is_that_of_the_page() -> None:
+    """The assessed liquidus of 0.80 % C is about 1476 degC (docs/materials.md)."""
     assert IronCarbon(0.8).liquidus - ZERO == pytest.approx(1468.4, abs=0.05)

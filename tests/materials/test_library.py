@@ -1,4 +1,4 @@
-"""Material files: the shipped sets, changes for a case, and what is told when one is wrong."""
+"""Material files: shipped sets, overrides of a case, and errors of invalid files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from castfem.physics.materials import available_steels, load_steel
 from castfem.physics.materials.library import FOLDER
 from castfem.physics.materials.schema import KINDS
 
-SOUND = """
+VALID = """
 description = "a steel"
 [composition]
 C = 0.2
@@ -44,7 +44,7 @@ def problems(*arguments, **named) -> tuple[str, ...]:
     return caught.value.problems
 
 
-def only(*arguments, **named) -> str:
+def only_problem(*arguments, **named) -> str:
     found = problems(*arguments, **named)
     assert len(found) == 1, found
     return found[0]
@@ -60,8 +60,8 @@ def write(tmp_path):
 
 
 def changed(old: str, new: str) -> str:
-    assert old in SOUND
-    return SOUND.replace(old, new)
+    assert old in VALID
+    return VALID.replace(old, new)
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda p: p.stem)
@@ -113,7 +113,7 @@ def test_steels_of_any_composition_have_finite_properties(carbon, others):
     assert np.all(np.diff(enthalpy) > 0.0)
 
 
-def test_where_solidus_and_liquidus_are_from_is_said_by_the_diagram():
+def test_source_of_the_limits_is_that_of_the_diagram():
     for diagram, source, status in (("assessed", "Povoden", "C"), ("pascon", "Pascon", "F")):
         change = {"diagram": diagram}
         for name in ("plain_carbon", "plain_carbon_linear"):
@@ -138,42 +138,42 @@ def test_regressions_for_solidus_and_liquidus():
     assert steel.solidus - 273.15 == pytest.approx(1536 - 20 - 11)
 
 
-def test_own_file_with_tables(write):
-    steel = load_steel(*write(SOUND))
+def test_own_file_with_tables_is_read(write):
+    steel = load_steel(*write(VALID))
     assert steel.name == "own"
     assert float(steel.specific_heat(1250 + 273.15)) == pytest.approx(700.0)
     assert float(steel.conductivity(2000.0)) == 30.0
     assert steel.origins["density"].status == "U"
 
 
-def test_own_file_with_a_csv(write, tmp_path):
+def test_own_file_with_a_csv_is_read(write, tmp_path):
     (tmp_path / "k.csv").write_text("temperature [degC], value [W/(m K)]\n20, 50\n1520, 20\n")
-    text = SOUND[: SOUND.index("[conductivity]")] + '[conductivity]\nfile = "k.csv"\n'
+    text = VALID[: VALID.index("[conductivity]")] + '[conductivity]\nfile = "k.csv"\n'
     steel = load_steel(*write(text))
     assert float(steel.conductivity(770 + 273.15)) == pytest.approx(35.0)
 
 
 def test_solid_fraction_table_brings_solidus_and_liquidus(write):
     table = '[solid_fraction]\ntemperature = ["1440 degC", "1500 degC"]\nvalue = [1, 0]\n'
-    start, end = SOUND.index("[solidus]"), SOUND.index("[latent_heat]")
-    steel = load_steel(*write(SOUND[:start] + SOUND[end:] + table))
+    start, end = VALID.index("[solidus]"), VALID.index("[latent_heat]")
+    steel = load_steel(*write(VALID[:start] + VALID[end:] + table))
     assert (steel.solidus - 273.15, steel.liquidus - 273.15) == pytest.approx((1440, 1500))
 
 
-def test_expansion_tables(write):
+def test_expansion_tables_are_read(write):
     columns = 'temperature = ["20 degC", "1400 degC"]\nvalue = ["12e-6 1/K", "18e-6 1/K"]\n'
     mean = f'[thermal_expansion]\ncoefficient = "mean"\norigin = "20 degC"\n{columns}'
-    steel = load_steel(*write(SOUND + mean))
+    steel = load_steel(*write(VALID + mean))
     assert float(steel.thermal_strain(293.15)) == pytest.approx(1 / (1 + 18e-6 * 1440) - 1)
     slope = f'[thermal_expansion]\ncoefficient = "differential"\n{columns}'
-    steel = load_steel(*write(SOUND + slope))
+    steel = load_steel(*write(VALID + slope))
     assert float(steel.thermal_strain(293.15)) == pytest.approx(
         math.expm1(-15e-6 * 1380 - 18e-6 * 60)
     )
-    assert "origin: is missing" in only(*write(SOUND + f"[thermal_expansion]\n{columns}"))
+    assert "origin: is missing" in only_problem(*write(VALID + f"[thermal_expansion]\n{columns}"))
 
 
-def test_override_of_a_value_and_of_a_parameter():
+def test_values_and_parameters_can_be_overridden():
     steel = load_steel("carbon_042", overrides={"conductivity": "33 W/(m K)"})
     assert float(steel.conductivity(1500.0)) == 33.0
     assert steel.origins["conductivity"].source == "set in the case"
@@ -186,7 +186,7 @@ def test_override_of_a_value_and_of_a_parameter():
     assert (origin.law, origin.source) == ("formula harste_conductivity", "ours")
 
 
-def test_override_that_replaces_what_excludes_it():
+def test_override_replaces_excluded_entries():
     fraction = {"temperature": ["1440 degC", "1500 degC"], "value": [1, 0]}
     steel = load_steel("carbon_042", overrides={"solid_fraction": fraction})
     assert steel.solidus - 273.15 == pytest.approx(1440)
@@ -195,38 +195,38 @@ def test_override_that_replaces_what_excludes_it():
     assert steel.latent_heat == 260e3 and not steel.has("enthalpy")
 
 
-def test_unknown_name_is_answered_with_the_nearest():
-    line = only("carbon_42", origin="billet.toml: steel")
+def test_unknown_name_is_rejected_with_the_nearest():
+    line = only_problem("carbon_42", origin="billet.toml: steel")
     assert line.startswith('billet.toml: steel.name ("carbon_42"): no such steel; one of')
     assert line.endswith("did you mean carbon_042?")
     assert 'for a grade by its analysis "plain_carbon" with a composition' in line
 
 
-def test_own_file_without_its_path(tmp_path):
-    (tmp_path / "mine.toml").write_text(SOUND)
-    assert 'written "./mine.toml"' in only("mine", tmp_path)
+def test_own_file_without_path_is_rejected(tmp_path):
+    (tmp_path / "mine.toml").write_text(VALID)
+    assert 'written "./mine.toml"' in only_problem("mine", tmp_path)
 
 
-def test_missing_file(tmp_path):
-    (tmp_path / "mine.toml").write_text(SOUND)
-    line = only("./mime.toml", tmp_path)
+def test_missing_file_is_rejected(tmp_path):
+    (tmp_path / "mine.toml").write_text(VALID)
+    line = only_problem("./mime.toml", tmp_path)
     assert line == 'steel.name ("./mime.toml"): file not found; did you mean mine.toml?'
-    line = only("./none/mime.toml", tmp_path)
+    line = only_problem("./none/mime.toml", tmp_path)
     assert line.endswith(f"there is no folder {tmp_path}/none: correct the path")
 
 
 def test_syntax_error_names_the_line(write):
-    line = only(*write('description = "x"\n[density\nvalue = 3\n'))
+    line = only_problem(*write('description = "x"\n[density\nvalue = 3\n'))
     assert "own.toml: line 2" in line
 
 
-def test_not_utf8(tmp_path):
+def test_file_that_is_not_utf8_is_rejected(tmp_path):
     (tmp_path / "own.toml").write_bytes(b'description = "a"\n# \xff\n')
-    assert "own.toml: line 2: is not UTF-8 text" in only("own.toml", tmp_path)
+    assert "own.toml: line 2: is not UTF-8 text" in only_problem("own.toml", tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ('"7200 kg/m^3"', '"7200 kg/m^2"', "density:"),
         ('"7200 kg/m^3"', "nan", "density: a finite density is needed (nan)"),
@@ -242,38 +242,40 @@ def test_not_utf8(tmp_path):
         ('description = "a steel"', "description = 3", "description: must be a text (3)"),
     ],
 )
-def test_problems_of_a_file(write, old, new, told):
+def test_invalid_entries_of_a_file_are_rejected(write, old, new, message):
     found = problems(*write(changed(old, new)))
-    assert any("own.toml" in line and told in line for line in found), found
+    assert any("own.toml" in line and message in line for line in found), found
 
 
-def test_a_percent_sign_in_a_composition_changes_nothing(write):
+def test_percent_sign_in_a_composition_is_accepted(write):
     plain, signed = (load_steel(*write(changed("C = 0.2", f"C = {c}"))) for c in (0.3, '"0.3 %"'))
     assert dict(signed.composition) == dict(plain.composition) == {"C": 0.3}
 
 
-def test_elements_without_data_are_left_out():
+def test_elements_without_data_are_omitted():
     plain = load_steel("plain_carbon", composition={"C": 0.2, "Mn": 0.6})
     steel = load_steel("plain_carbon", composition={"C": 0.2, "Mn": 0.6, "V": 0.05, "N": 0.01})
     assert steel.left_out == ("V", "N") and plain.left_out == ()
     assert dict(steel.composition) == {"C": 0.2, "Mn": 0.6}
     assert steel.liquidus == plain.liquidus
-    assert "composition.V: (-1) is out of range" in only(
+    assert "composition.V: (-1) is out of range" in only_problem(
         "plain_carbon", composition={"C": 0.2, "V": -1}
     )
 
 
-def test_entry_must_be_one_thing(write):
+def test_ambiguous_entries_are_rejected(write):
     both = changed(
         'value = "7200 kg/m^3"', 'value = "7200 kg/m^3"\nformula = "jimbo_cramb_density"'
     )
-    assert "density: value and formula exclude each other" in only(*write(both))
-    assert "density: is empty" in only(*write(changed('value = "7200 kg/m^3"', 'note = "x"')))
+    assert "density: value and formula exclude each other" in only_problem(*write(both))
+    assert "density: is empty" in only_problem(
+        *write(changed('value = "7200 kg/m^3"', 'note = "x"'))
+    )
     strange = changed('value = "7200 kg/m^3"', 'value = "7200 kg/m^3"\nparameters = { a = 1 }')
-    assert "density.parameters: only a formula has parameters" in only(*write(strange))
+    assert "density.parameters: only a formula has parameters" in only_problem(*write(strange))
 
 
-def test_all_problems_at_once(write):
+def test_all_problems_are_reported_at_once(write):
     text = changed('"7200 kg/m^3"', '"7200 m"').replace('"270 kJ/kg"', '"270 kJ"')
     text = text.replace('"1460 degC"', '"1560 degC"').replace("[500, 650", "[-5, 650")
     found = problems(*write(text + '[conductivty]\nvalue = "1 W/(m K)"\n[emissivity]\nvalue = 3\n'))
@@ -282,7 +284,7 @@ def test_all_problems_at_once(write):
     assert all(any(f": {key}: " in line for line in found) for key in keys)
 
 
-def test_problems_of_the_case_are_told_at_the_case():
+def test_problems_of_overrides_name_the_case():
     changes = {"conductivty": "3 W/(m K)", "density": {"vlaue": "7000 kg/m^3"}}
     found = problems("carbon_042", overrides=changes, origin="a.toml: steel")
     assert any(
@@ -293,35 +295,35 @@ def test_problems_of_the_case_are_told_at_the_case():
     assert any("steel.overrides.density.vlaue: unknown key" in line for line in found)
 
 
-def test_formula_name_and_parameter():
+def test_unknown_formulas_and_parameters_are_rejected():
     change = {"conductivity": {"formula": "harste_conductivty"}}
-    assert only("plain_carbon", composition={"C": 0.1}, overrides=change).endswith(
+    assert only_problem("plain_carbon", composition={"C": 0.1}, overrides=change).endswith(
         "did you mean harste_conductivity?"
     )
     change = {"conductivity": {"parameters": {"liquid_facter": 2}}}
-    assert only("plain_carbon", composition={"C": 0.1}, overrides=change).endswith(
+    assert only_problem("plain_carbon", composition={"C": 0.1}, overrides=change).endswith(
         "unknown parameter; allowed: liquid_factor, liquid_conductivity; "
         "did you mean liquid_factor?"
     )
     change = {"conductivity": {"parameters": {"liquid_factor": -2}}}
-    assert "must not be below 0.1 (-2)" in only(
+    assert "must not be below 0.1 (-2)" in only_problem(
         "plain_carbon", composition={"C": 0.1}, overrides=change
     )
 
 
-def test_formula_that_turns_negative_in_its_range_is_refused(monkeypatch):
+def test_formula_negative_in_its_range_is_rejected(monkeypatch):
     from castfem.physics.materials import build
     from castfem.physics.materials.formulas import Formula
 
     falling = Formula("falling", "density", lambda t: 5.0 * (1773.15 - t), "test", "C")
     monkeypatch.setattr(build, "FORMULAS", {**build.FORMULAS, "falling": falling})
-    line = only("carbon_042", overrides={"density": {"formula": "falling"}})
+    line = only_problem("carbon_042", overrides={"density": {"formula": "falling"}})
     assert line.startswith("steel.overrides.density: ")
     assert "kg/m^3 at 1500 degC: must be above 0" in line
 
 
-def test_composition_of_a_case():
-    assert only("plain_carbon", origin="a.toml: steel").startswith(
+def test_invalid_compositions_are_rejected():
+    assert only_problem("plain_carbon", origin="a.toml: steel").startswith(
         "a.toml: steel.composition.C: is needed by plain_carbon"
     )
     found = problems("plain_carbon", composition={"C": 0.2, "Mu": 0.1, "mn": 1.0, "Si": -1.0})
@@ -331,28 +333,30 @@ def test_composition_of_a_case():
         "steel.composition.Si",
     ]
     assert found[1].endswith("did you mean Mn?")
-    assert "is not computed from a composition" in only("carbon_042", composition={"C": 0.3})
+    assert "is not computed from a composition" in only_problem(
+        "carbon_042", composition={"C": 0.3}
+    )
 
 
-def test_formula_without_carbon(write):
+def test_formula_without_carbon_is_rejected(write):
     text = changed("C = 0.2", "Mn = 0.5")
-    line = only(*write(text + '[thermal_expansion]\nformula = "chandra"\n'))
+    line = only_problem(*write(text + '[thermal_expansion]\nformula = "chandra"\n'))
     assert "thermal_expansion: chandra needs the carbon content, composition.C" in line
 
 
 def test_enthalpy_excludes_what_it_replaces(write):
-    text = SOUND + '[enthalpy]\nformula = "harste_enthalpy"\n'
-    assert "latent_heat: is in the enthalpy already" in only(*write(text))
+    text = VALID + '[enthalpy]\nformula = "harste_enthalpy"\n'
+    assert "latent_heat: is in the enthalpy already" in only_problem(*write(text))
     start, end = text.index("[latent_heat]"), text.index("[density]")
-    assert "enthalpy: freezes by the lever rule" in only(*write(text[:start] + text[end:]))
+    assert "enthalpy: freezes by the lever rule" in only_problem(*write(text[:start] + text[end:]))
 
 
 def test_lever_rule_excludes_a_solidus(write):
-    line = only(*write(SOUND + '[solid_fraction]\nformula = "lever_rule"\n'))
+    line = only_problem(*write(VALID + '[solid_fraction]\nformula = "lever_rule"\n'))
     assert "solidus: follows from solid_fraction" in line
 
 
-def test_carbon_042():
+def test_carbon_042_has_its_values():
     steel = load_steel("carbon_042")
     assert (steel.solidus, steel.liquidus) == (1725.15, 1775.65)
     assert steel.latent_heat == 270e3
@@ -370,11 +374,11 @@ def test_carbon_042():
         ("weiner_boley_5k", (1765.05, 1770.05), (7500, 661, 33)),
     ],
 )
-def test_verification_sets(name, limits, values):
+def test_verification_sets_have_their_values(name, limits, values):
     steel = load_steel(name)
     assert (steel.solidus, steel.liquidus) == limits
     assert steel.latent_heat == 272e3
-    got = tuple(
+    found = tuple(
         float(law(1500.0)) for law in (steel.density, steel.specific_heat, steel.conductivity)
     )
-    assert got == values
+    assert found == values

@@ -1,6 +1,6 @@
-"""Phases and heat as a table of a thermodynamic database; none of it needs pycalphad.
+"""Phases and heat as a table of a thermodynamic database, without pycalphad.
 
-`fe_c_017.csv` is of 0.17 % C by the Fe-C database among pycalphad's tests, with few rows.
+`fe_c_017.csv` is a table of few rows for 0.17 % C by the Fe-C database among pycalphad's tests.
 """
 
 from __future__ import annotations
@@ -30,34 +30,34 @@ WARM = np.linspace(1380.0, 1560.0, 400) + ZERO
 
 
 def steel(composition=None, overrides=None, **request):
-    asked = Request(str(FILE), **request)
+    database = Request(str(FILE), **request)
     return load_steel(
         "plain_carbon", composition=composition or {"C": 0.17},
-        overrides={"database": asked, **(overrides or {})},
+        overrides={"database": database, **(overrides or {})},
     )  # fmt: skip
 
 
-def test_a_table_survives_its_file():
+def test_table_is_unchanged_when_reread():
     again = read(TABLE.to_text())
     assert again.to_text() == TEXT and again.header == TABLE.header
     assert np.array_equal(again.temperature, TABLE.temperature)
 
 
-def test_it_is_near_the_built_in_diagram():
-    """Two assessments of iron and carbon: the built-in lines are fitted to the other one."""
-    ours, theirs = TABLE, alloyed({"C": 0.17})
-    assert ours.liquidus == pytest.approx(theirs.liquidus, abs=1.0)
-    assert ours.solidus == pytest.approx(theirs.solidus, abs=1.0)
-    assert ours.gamma_start == pytest.approx(theirs.gamma_start, abs=1.0)
-    assert ours.gamma_end == pytest.approx(theirs.gamma_end, abs=2.0)
-    away = WARM[np.abs(WARM - theirs.peritectic) > 1.0]
+def test_table_is_close_to_the_built_in_diagram():
+    """The two are different assessments of iron and carbon."""
+    table, built_in = TABLE, alloyed({"C": 0.17})
+    assert table.liquidus == pytest.approx(built_in.liquidus, abs=1.0)
+    assert table.solidus == pytest.approx(built_in.solidus, abs=1.0)
+    assert table.gamma_start == pytest.approx(built_in.gamma_start, abs=1.0)
+    assert table.gamma_end == pytest.approx(built_in.gamma_end, abs=2.0)
+    distant = WARM[np.abs(WARM - built_in.peritectic) > 1.0]
     for name in ("liquid", "delta", "gamma"):
-        one, other = (getattr(d.phases(away), name) for d in (ours, theirs))
+        one, other = (getattr(d.phases(distant), name) for d in (table, built_in))
         assert np.abs(one - other).max() < 0.03
 
 
 @pytest.mark.parametrize("side", ["above", "below"])
-def test_fractions_sum_up_and_carbon_is_kept(side):
+def test_fractions_sum_to_one_and_conserve_carbon(side):
     t = np.concatenate([WARM, TABLE.temperature, [200.0, 3000.0]])
     p = TABLE.phases(t, side)
     parts = ((p.liquid, p.carbon_liquid), (p.delta, p.carbon_delta), (p.gamma, p.carbon_gamma))
@@ -68,7 +68,7 @@ def test_fractions_sum_up_and_carbon_is_kept(side):
     assert sum(TABLE.fraction(name, t, side) for name in FRACTIONS) == pytest.approx(1.0)
 
 
-def test_the_peritectic_is_a_jump():
+def test_peritectic_reaction_is_a_jump():
     (at,) = (t for t in TABLE.reactions if t > 1600.0)
     above, below = TABLE.phases(at, "above"), TABLE.phases(at, "below")
     assert float(above.liquid) == pytest.approx(0.176, abs=5e-3) and above.gamma == 0.0
@@ -80,20 +80,20 @@ def test_the_peritectic_is_a_jump():
 
 
 def test_heat_of_the_steel_is_that_of_the_table():
-    """The enthalpy density of a constant density is the table's, from the cold to the liquid."""
-    made = steel(overrides={"density": "7000 kg/m^3"})
-    assert isinstance(made.properties["density"], Constant)
-    t, left, right, constant, jump = made.enthalpy_knots(298.15, 1850.0)
+    """At constant density the enthalpy per volume is that of the table, from cold to liquid."""
+    found = steel(overrides={"density": "7000 kg/m^3"})
+    assert isinstance(found.properties["density"], Constant)
+    t, left, right, constant, jump = found.enthalpy_knots(298.15, 1850.0)
     gain = (0.5 * (left + right) + constant) * np.diff(t)
     below = np.concatenate([[0.0], np.cumsum(gain)]) + np.cumsum(jump) - jump
-    wanted = TABLE.value("enthalpy", t, "below") - TABLE.value("enthalpy", 298.15)
-    assert below == pytest.approx(7000.0 * wanted, rel=1e-9, abs=1.0)
-    assert made.solidus == TABLE.solidus and made.liquidus == TABLE.liquidus
-    assert 240e3 < made.latent_heat < 280e3
-    assert "cfe_broshe.tdb" in made.origins["solid_fraction"].source
+    expected = TABLE.value("enthalpy", t, "below") - TABLE.value("enthalpy", 298.15)
+    assert below == pytest.approx(7000.0 * expected, rel=1e-9, abs=1.0)
+    assert found.solidus == TABLE.solidus and found.liquidus == TABLE.liquidus
+    assert 240e3 < found.latent_heat < 280e3
+    assert "cfe_broshe.tdb" in found.origins["solid_fraction"].source
 
 
-def test_the_enthalpy_goes_on_beyond_the_rows():
+def test_enthalpy_is_extrapolated_beyond_the_rows():
     last = TABLE.temperature[-1]
     slope = np.diff(TABLE.columns["enthalpy"])[-1] / np.diff(TABLE.temperature)[-1]
     gain = TABLE.value("enthalpy", last + 100.0) - TABLE.value("enthalpy", last)
@@ -101,28 +101,29 @@ def test_the_enthalpy_goes_on_beyond_the_rows():
     assert TABLE.value("specific_heat", last + 100.0) == TABLE.columns["specific_heat"][-1]
 
 
-def test_a_composition_beyond_the_stated_range_is_warned_of(tmp_path):
+def test_composition_beyond_the_range_gives_a_warning(tmp_path):
     text = TEXT.replace("# by: ", "# outside: C 0.17 (to 0.1)\n# by: ")
     (tmp_path / "fe_c.csv").write_text(text)
     (tmp_path / "case.toml").write_text(CASE)
     case = load_case(tmp_path / "case.toml")
-    made = load_steel("plain_carbon", composition={"C": 0.17}, overrides=case.steel.changes)
-    found = [p for p in warnings_with(case, made, None, None) if p.path == ("steel", "composition")]
+    material = load_steel("plain_carbon", composition={"C": 0.17}, overrides=case.steel.changes)
+    problems = warnings_with(case, material, None, None)
+    found = [p for p in problems if p.path == ("steel", "composition")]
     assert ["C 0.17 (to 0.1)" in p.text for p in found] == [True]
     assert ("extrapolated", "C 0.17 (to 0.1)") in [
         (label, value.partition(": ")[2].removesuffix(" wt%"))
-        for label, value in describe_steel(made)
+        for label, value in describe_steel(material)
     ]
 
 
-def test_an_enthalpy_of_the_case_stays():
-    made = steel(overrides={"latent_heat": "272 kJ/kg", "specific_heat": "700 J/(kg K)"})
-    assert made.latent_heat == 272e3 and float(made.specific_heat(1000.0)) == 700.0
-    assert made.solidus == TABLE.solidus
+def test_heat_of_the_case_has_priority():
+    found = steel(overrides={"latent_heat": "272 kJ/kg", "specific_heat": "700 J/(kg K)"})
+    assert found.latent_heat == 272e3 and float(found.specific_heat(1000.0)) == 700.0
+    assert found.solidus == TABLE.solidus
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (("# castfem phases 1", "# something"), "not a table of phases"),
         (("# licence: licence not stated\n", ""), 'no "licence"'),
@@ -134,20 +135,20 @@ def test_an_enthalpy_of_the_case_stays():
         (("\n25,0,448.916508,0,0,0,0.9", "\n25,0,448.916508,0.9,0,0,0."), "sum to 1|from solid"),
     ],
 )
-def test_a_changed_table_is_refused_in_one_line(tmp_path, change, said):
+def test_invalid_table_is_rejected_in_one_line(tmp_path, change, message):
     assert change[0] in TEXT
     file = tmp_path / "mine.csv"
     file.write_text(TEXT.replace(*change))
-    with pytest.raises(InputError, match=said) as told:
+    with pytest.raises(InputError, match=message) as caught:
         load_steel(
             "plain_carbon", tmp_path, {"C": 0.17}, {"database": Request("mine.csv")}, origin="steel"
         )
-    (line,) = told.value.problems
+    (line,) = caught.value.problems
     assert line.startswith('steel.database ("mine.csv"): ')
 
 
 @pytest.mark.parametrize(
-    ("asked", "key"),
+    ("changes", "key"),
     [
         ({"composition": {"C": 0.2}}, "composition"),
         ({"composition": {"C": 0.17, "Mn": 0.5}}, "composition"),
@@ -155,29 +156,29 @@ def test_a_changed_table_is_refused_in_one_line(tmp_path, change, said):
         ({"phases": ("LIQUID", "FCC_A1", "BCC_A2")}, "choice of phases"),
     ],
 )
-def test_a_table_of_another_steel_is_refused(asked, key):
-    with pytest.raises(InputError, match=f"another {key}") as told:
-        steel(**asked)
-    assert len(told.value.problems) == 1
+def test_table_of_another_steel_is_rejected(changes, key):
+    with pytest.raises(InputError, match=f"another {key}") as caught:
+        steel(**changes)
+    assert len(caught.value.problems) == 1
 
 
-def test_what_there_is_not_is_said_in_one_line(tmp_path, monkeypatch):
+def test_missing_file_or_package_is_reported_in_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     (tmp_path / "x.tdb").write_text("$ nothing")
-    for file, said in (("none.tdb", "file not found"), ("x.tdb", "pycalphad is not installed")):
-        with pytest.raises(InputError, match=said) as told:
+    for file, message in (("none.tdb", "file not found"), ("x.tdb", "pycalphad is not installed")):
+        with pytest.raises(InputError, match=message) as caught:
             load_steel("plain_carbon", tmp_path, {"C": 0.17}, {"database": Request(file)})
-        assert len(told.value.problems) == 1
+        assert len(caught.value.problems) == 1
 
 
-def test_a_metal_without_a_composition_is_none_of_a_database():
-    with pytest.raises(InputError, match="a metal without a composition; leave it out") as told:
+def test_metal_without_a_composition_takes_no_database():
+    with pytest.raises(InputError, match="a metal without a composition; leave it out") as caught:
         load_steel("copper", overrides={"database": Request("steel.tdb")}, origin="steel")
-    assert told.value.problems[0].startswith('steel.database ("steel.tdb"): ')
-    assert len(told.value.problems) == 1
+    assert caught.value.problems[0].startswith('steel.database ("steel.tdb"): ')
+    assert len(caught.value.problems) == 1
 
 
-def test_a_formula_by_a_database_needs_one():
+def test_formula_by_a_database_requires_one():
     with pytest.raises(InputError, match=r"solid_fraction.*steel\.database"):
         load_steel(
             "plain_carbon", composition={"C": 0.17},
@@ -193,7 +194,7 @@ database = "fe_c.csv"
 """
 
 
-def test_a_run_keeps_the_table_and_can_be_repeated_from_its_folder(tmp_path):
+def test_run_folder_with_the_table_can_be_repeated(tmp_path):
     (tmp_path / "fe_c.csv").write_text(TEXT)
     (tmp_path / "case.toml").write_text(CASE)
     text, files = portable(load_case(tmp_path / "case.toml"), "properties")
@@ -207,17 +208,17 @@ def test_a_run_keeps_the_table_and_can_be_repeated_from_its_folder(tmp_path):
     assert files["properties/steel/phases.csv"].decode() == TEXT
 
 
-def test_keys_of_a_database_need_one(tmp_path):
+def test_keys_of_a_database_require_one(tmp_path):
     bare = CASE.replace('database = "fe_c.csv"', 'phases = ["LIQUID"]\nscheil = {}')
     (tmp_path / "case.toml").write_text(bare)
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as caught:
         load_case(tmp_path / "case.toml")
-    lines = told.value.problems
+    lines = caught.value.problems
     assert len(lines) == 2 and all("database" in line for line in lines)
     assert "steel.phases" in lines[0] and "steel.scheil" in lines[1]
 
 
-def test_a_steel_without_a_database_imports_nothing_of_it():
+def test_steel_without_a_database_does_not_import_calphad():
     code = """
 import sys
 from castfem.physics.materials import load_steel
@@ -239,9 +240,9 @@ $ Typical: Si < 99 is not of the list
 """
 
 
-def test_a_database_says_what_it_is_and_covers():
-    said = described("steel.tdb", DATABASE.encode())
-    assert said["version"] == "3.2" and said["licence"] == "Open Licence 1.0"
+def test_version_licence_and_range_of_a_database_are_read():
+    found = described("steel.tdb", DATABASE.encode())
+    assert found["version"] == "3.2" and found["licence"] == "Open Licence 1.0"
     assert described("x.tdb", b"ELEMENT FE")["licence"] == "licence not stated"
     steel = {"C": 1.0, "Mn": 25.0, "P": 0.01, "Si": 100.0}
     assert beyond_range(DATABASE, steel) == ["C 1 (to 0.5)", "P 0.01 (to 0.005)"]

@@ -1,4 +1,4 @@
-"""The steel as the thermal model sees it: kinks, enthalpy, conductivity; its table and pictures."""
+"""The steel in the thermal model: kinks, enthalpy, conductivity; description and pictures."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ STRAIGHT = {"diagram": "pascon"}  # the lines of the thesis
 
 def simple(fraction, density=7200.0, heat=700.0, conductivity=30.0, latent=272e3) -> Steel:
     laws = {"density": density, "specific_heat": heat, "conductivity": conductivity}
-    made = {k: Constant(v) if isinstance(v, float) else v for k, v in laws.items()}
-    return Steel("test", "", fraction.solidus, fraction.liquidus, latent, made, fraction)
+    properties = {k: Constant(v) if isinstance(v, float) else v for k, v in laws.items()}
+    return Steel("test", "", fraction.solidus, fraction.liquidus, latent, properties, fraction)
 
 
 def enthalpy(steel: Steel, lower=LOWER, upper=UPPER) -> tuple[np.ndarray, np.ndarray]:
-    """Knots and the enthalpy above `lower` just above each of them, from the pieces."""
+    """Return the knots and the enthalpy above `lower` just above each knot, from the pieces."""
     t, left, right, latent, jump = steel.enthalpy_knots(lower, upper)
     gain = (0.5 * (left + right) + latent) * np.diff(t)
     return t, np.concatenate([[0.0], np.cumsum(gain)]) + np.cumsum(jump)
 
 
 def fine_heat(steel: Steel, a: float, b: float) -> float:
-    """Integral of rho dh from a to b by a Romberg pair of Stieltjes sums; h of Harste."""
+    """Integrate rho dh from a to b by a Romberg pair of Stieltjes sums, with h of Harste."""
     law, sums = steel.properties["enthalpy"], []
     for n in (20001, 40001):
         t = np.linspace(a, b, n)
@@ -47,7 +47,7 @@ def fine_heat(steel: Steel, a: float, b: float) -> float:
     return (4.0 * sums[1] - sums[0]) / 3.0
 
 
-def test_constants_give_three_pieces_and_no_more():
+def test_constant_properties_give_three_pieces():
     t, left, right, latent, jump = simple(LinearFraction(1723.15, 1773.15)).enthalpy_knots(
         LOWER, UPPER
     )
@@ -59,7 +59,7 @@ def test_constants_give_three_pieces_and_no_more():
 
 
 @pytest.mark.parametrize("width", [0.0, 1e-4, 50.0])
-def test_latent_heat_is_whole_for_any_freezing_range(width):
+def test_latent_heat_is_complete_for_any_freezing_range(width):
     steel = simple(LinearFraction(1750.0, 1750.0 + width))
     t, h = enthalpy(steel)
     assert h[-1] == pytest.approx(7200 * (700 * (UPPER - LOWER) + 272e3), rel=1e-14)
@@ -68,13 +68,13 @@ def test_latent_heat_is_whole_for_any_freezing_range(width):
     assert 1750.0 in t
 
 
-def test_isothermal_freezing_has_its_jump_at_the_melting_point():
+def test_isothermal_freezing_is_a_jump_at_the_melting_point():
     t, *_, jump = load_steel("neumann_steel").enthalpy_knots(LOWER, UPPER)
     assert t[jump > 0.0] == pytest.approx([1767.55], abs=0)
     assert jump.max() == pytest.approx(7500 * 272e3, rel=1e-14)
 
 
-def test_tables_of_density_and_heat_multiply_exactly():
+def test_product_of_density_and_heat_tables_is_exact():
     density = Table("temperature", (1000.0, 1800.0), (7600.0, 7000.0))
     heat = Table("temperature", (1000.0, 1400.0, 1800.0), (600.0, 800.0, 700.0))
     steel = simple(LinearFraction(1850.0, 1860.0), density, heat)
@@ -89,8 +89,8 @@ def test_tables_of_density_and_heat_multiply_exactly():
     assert 1400.0 in t and np.diff(t).max() <= knots.LIMITS.longest + 1e-9
 
 
-def test_latent_heat_with_varying_density():
-    """H of the mushy zone: integral of rho L dT/(Tl - Ts) for a linear density."""
+def test_latent_heat_with_varying_density_is_exact():
+    """H of the mushy zone is the integral of rho L dT/(Tl - Ts) for a linear density."""
     density = Table("temperature", (1000.0, 1900.0), (7600.0, 6800.0))
     steel = simple(LinearFraction(1700.0, 1760.0), density, heat=1e-3, latent=270e3)
     t, h = enthalpy(steel, 1700.0, 1760.0)
@@ -114,7 +114,7 @@ def test_enthalpy_of_harste_is_exact_at_the_knots(carbon):
     assert h[-1] == pytest.approx(total + jump.sum(), rel=2e-9)
 
 
-def test_enthalpy_with_constant_density_is_harstes_own():
+def test_enthalpy_with_constant_density_is_that_of_harste():
     steel = load_steel(
         "plain_carbon", composition={"C": 0.15}, overrides={"density": "7000 kg/m^3"}
     )
@@ -134,7 +134,7 @@ def test_peritectic_heat_is_a_jump():
     assert 35e3 < heat < 50e3
 
 
-def test_lever_rule_with_a_latent_heat_of_its_own():
+def test_lever_rule_with_a_separate_latent_heat_is_exact():
     diagram = IronCarbon(0.42)
     steel = simple(LeverFraction(diagram))
     t, h = enthalpy(steel)
@@ -147,8 +147,8 @@ def test_lever_rule_with_a_latent_heat_of_its_own():
 
 
 @pytest.mark.parametrize("composition", [{"C": 0.03}, {"C": 0.14}, {"C": 0.3}, {"C": 0.7}])
-def test_alloyed_steel_gives_off_its_latent_heat_where_it_freezes(composition):
-    """All that is not specific heat, to the last joule, and the reaction at its temperature."""
+def test_alloyed_steel_releases_its_latent_heat_by_fraction(composition):
+    """The total is exact, and the heat of the reaction is released at its temperature."""
     diagram = alloyed({**composition, "Mn": 1.5, "Si": 0.6})
     steel = simple(LeverFraction(diagram))
     t, h = enthalpy(steel)
@@ -160,7 +160,7 @@ def test_alloyed_steel_gives_off_its_latent_heat_where_it_freezes(composition):
     assert list(knots[jump > 0.0]) == list(diagram.reactions)
 
 
-def test_latent_heat_of_an_enthalpy_is_what_freezing_releases():
+def test_latent_heat_of_an_enthalpy_is_that_of_freezing():
     def heat(carbon: float, **diagram: str) -> float:
         return load_steel("plain_carbon", composition={"C": carbon}, overrides=diagram).latent_heat
 
@@ -170,17 +170,17 @@ def test_latent_heat_of_an_enthalpy_is_what_freezing_releases():
     assert heat(0.42) == pytest.approx(264e3, rel=0.01)
 
 
-def test_thermal_curve_closes_the_circle():
+def test_thermal_curve_is_inverted_exactly():
     for steel in (load_steel("plain_carbon", composition={"C": 0.12}), load_steel("carbon_042")):
         curve = steel.thermal_curve(300.0, 2000.0)
         t = np.linspace(310.0, 1990.0, 700)
-        back = curve.at(curve.enthalpy(t))
-        assert back.temperature == pytest.approx(t, abs=1e-8)
+        point = curve.at(curve.enthalpy(t))
+        assert point.temperature == pytest.approx(t, abs=1e-8)
         assert curve.conductivity(t) == pytest.approx(steel.conductivity(t), rel=2e-4)
 
 
-def test_the_curve_at_its_knots_beyond_its_ends_and_at_no_number():
-    """Every knot belongs to the piece above it; the slopes are those of the neighbourhood."""
+def test_curve_is_valid_at_knots_beyond_ends_and_at_nan():
+    """Every knot belongs to the piece above it; slopes match differences."""
     curve = load_steel("plain_carbon", composition={"C": 0.12}).thermal_curve(300.0, 2000.0)
     at_knots = curve.enthalpy(curve.knots)
     assert curve.at(at_knots).temperature == pytest.approx(curve.knots, abs=1e-9)
@@ -196,7 +196,7 @@ def test_the_curve_at_its_knots_beyond_its_ends_and_at_no_number():
     assert np.isnan(none.temperature[0]) and np.isfinite(none.temperature[3])
 
 
-def test_conductivity_pieces_meet_the_formula_and_jump_where_it_does():
+def test_conductivity_pieces_match_the_formula_and_its_jumps():
     steel = load_steel(
         "plain_carbon",
         composition={"C": 0.15},
@@ -226,18 +226,18 @@ def test_breakpoints_are_the_kinks_within_the_range():
     assert inside == list(low.diagram.kinks)
 
 
-def test_nearly_equal_kinks_become_one_and_the_jump_stays():
+def test_nearly_equal_kinks_are_merged():
     merged = knots.merged([1000.0, 1500.0 + 1e-12, 1600.0], [1500.0], 900.0, 1700.0)
     assert list(merged) == [1000.0, 1500.0, 1600.0]
 
 
-def test_range_that_ends_on_a_kink():
+def test_range_may_end_at_a_kink():
     steel = load_steel("neumann_steel")
     t, _, _, _, jump = steel.enthalpy_knots(LOWER, 1767.55)
     assert t[-1] == 1767.55 and jump[-1] == pytest.approx(7500 * 272e3)
 
 
-def test_solid_fraction_laws():
+def test_solid_fraction_laws_have_their_values():
     linear = LinearFraction(1700.0, 1800.0)
     assert list(linear([1600.0, 1700.0, 1725.0, 1800.0, 1900.0])) == [1.0, 1.0, 0.75, 0.0, 0.0]
     step = LinearFraction(1700.0, 1700.0)
@@ -251,14 +251,14 @@ def test_solid_fraction_laws():
 
 
 @pytest.mark.parametrize("values", [(1.0, 0.5), (1.0, 0.2, 0.4, 0.0), (1.0, 1.0, 0.0)])
-def test_solid_fraction_table_must_fall_from_one_to_zero(values):
+def test_solid_fraction_table_must_decrease_from_one_to_zero(values):
     with pytest.raises(ValueError, match="from 1 in the first row to 0 in the last"):
         TableFraction(
             Table("temperature", tuple(1700.0 + 10 * i for i in range(len(values))), values)
         )
 
 
-def test_table_property():
+def test_table_property_is_interpolated():
     law = Table("temperature", (1000.0, 1200.0), (20.0, 30.0))
     assert list(law([900.0, 1100.0, 1300.0])) == [20.0, 25.0, 30.0]
     strict = Table("temperature", (1000.0, 1200.0), (20.0, 30.0), refuse_outside=True)
@@ -268,7 +268,7 @@ def test_table_property():
         Table("temperature", (1000.0, 1000.0), (1.0, 2.0))
 
 
-def test_refused_table_names_the_range_that_is_needed():
+def test_rejected_table_names_the_required_range():
     table = Table("temperature", (1000.0, 1900.0), (20.0, 30.0), refuse_outside=True)
     steel = simple(LinearFraction(1700.0, 1750.0), conductivity=table)
     with pytest.raises(InputError, match=r"conductivity: the table covers .* is needed"):
@@ -277,7 +277,7 @@ def test_refused_table_names_the_range_that_is_needed():
         steel.conductivity(950.0)
 
 
-def test_what_a_steel_has_not_is_told():
+def test_missing_property_is_reported():
     steel = load_steel("alloy_similarity")
     assert not steel.has("emissivity") and not steel.has("thermal_expansion")
     with pytest.raises(InputError, match="alloy_similarity: emissivity: this steel has none"):
@@ -286,7 +286,7 @@ def test_what_a_steel_has_not_is_told():
         steel.thermal_strain(1500.0)
 
 
-def test_vectorised_in_any_shape():
+def test_properties_accept_arrays_of_any_shape():
     steel = load_steel("plain_carbon", composition={"C": 0.2})
     t = np.linspace(800.0, 1900.0, 12).reshape(3, 4)
     for name in ("density", "specific_heat", "conductivity", "emissivity", "solid_fraction",
@@ -295,8 +295,8 @@ def test_vectorised_in_any_shape():
         assert values.shape == t.shape and np.all(np.isfinite(values)), name
 
 
-def test_a_density_that_would_store_less_heat_in_warmer_steel_is_refused():
-    """Of steel that moves, H = rho (h - h of the poured) falls where rho rises steeply with T."""
+def test_density_with_decreasing_enthalpy_is_rejected():
+    """In a deforming slice H = rho (h - h_poured) decreases where rho rises steeply with T."""
     steep = Table("temperature", (1600.0, 1750.0, 1752.0, 1900.0), (6000.0, 6000.0, 7400.0, 7400.0))
     steel = simple(LinearFraction(1723.15, 1773.15), density=steep)
     with pytest.raises(InputError, match="test: density: it rises so much from 1476"):
@@ -305,8 +305,8 @@ def test_a_density_that_would_store_less_heat_in_warmer_steel_is_refused():
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-6, 1e-3])
-def test_a_freezing_range_of_next_to_nothing_has_all_its_heat(apart: float) -> None:
-    """What is too narrow to be resolved is isothermal: to the enthalpy as to all others."""
+def test_tiny_freezing_range_has_all_its_heat(apart: float) -> None:
+    """A range too narrow to be resolved is isothermal for the enthalpy and everywhere else."""
     ends = {"solidus": f"{1502.5 - apart!r} degC", "liquidus": "1502.5 degC"}
     steel = load_steel("carbon_042", overrides=ends)
     curve = steel.thermal_curve(1700.0, 1800.0)
@@ -316,7 +316,7 @@ def test_a_freezing_range_of_next_to_nothing_has_all_its_heat(apart: float) -> N
 
 
 @pytest.mark.parametrize("key", ["conductivity", "specific_heat", "density"])
-def test_rows_too_close_for_a_jump_are_refused(key: str) -> None:
+def test_rows_too_close_for_a_jump_are_rejected(key: str) -> None:
     unit = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "density": "kg/m^3"}[key]
     table = {"temperature_unit": "degC", "unit": unit}
     few = {"conductivity": [30, 60], "specific_heat": [600, 800], "density": [7400, 7000]}[key]
@@ -344,7 +344,7 @@ def test_every_set_is_drawn_and_described(name, tmp_path):
     assert all("[" in rows[key] for key in ("solidus", "density", "conductivity"))
 
 
-def test_description_tells_values_units_and_sources():
+def test_description_has_values_units_and_sources():
     rows = dict(describe_steel(load_steel("carbon_042")))
     assert rows["solidus"].startswith("1452 °C  [F: Pascon")
     assert rows["latent heat"].startswith("270 kJ/kg")
@@ -362,7 +362,7 @@ def test_pure_iron_is_drawn(tmp_path):
     assert plot_steel(steel, tmp_path / "iron.png").stat().st_size > 20_000
 
 
-def test_drawing_leaves_the_users_matplotlib_alone(tmp_path):
+def test_drawing_keeps_the_matplotlib_settings(tmp_path):
     import matplotlib
 
     before = dict(matplotlib.rcParams)

@@ -1,4 +1,4 @@
-"""A freezing billet for the tests: thermal first, then its mechanics, all in memory."""
+"""A solidifying billet for the tests: heat balance, then mechanics, in memory."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from mechanics.cooled import CooledSlice
 STEEL = load_steel("carbon_042")
 
 
-def billet_mesh(symmetry: str = "quarter", **given: Any) -> meshes.SectionMesh:
+def billet_mesh(symmetry: str = "quarter", **settings: Any) -> meshes.SectionMesh:
     sizes: dict[str, Any] = {"surface_size": 1e-3, "core_size": 1e-2, "cell": "quadrilateral"}
-    sizes |= {"width": 0.125, "height": 0.125} | given
+    sizes |= {"width": 0.125, "height": 0.125} | settings
     return meshes.build("rectangle", symmetry=symmetry, **sizes)
 
 
 def in_its_mould(mesh: meshes.SectionMesh) -> dict[str, Any]:
-    """What `CastSetup` takes for a billet in a mould of 1 %/m, and springs beside it."""
+    """Return arguments of `CastSetup` for a billet in a mould of 1 %/m taper, with springs."""
     cavity = RectangleCavity(0.125, 0.125, 0.0)
     wall = Mould(cavity, 0.6, same(Taper.single(0.01, 0.6)), None, None)
     sides = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
@@ -41,10 +41,10 @@ def in_its_mould(mesh: meshes.SectionMesh) -> dict[str, Any]:
 
 
 class CastSetup(CooledSlice):
-    """A strand section that freezes and strains; `given` changes the `Slice`.
+    """A strand section that solidifies and strains; `settings` changes the `Slice`.
 
-    `ratio` is the stiffness of the liquid over that of the solid, `cooling` in W/m2K; `springs`
-    take the place of pins, their stiffness over Young's modulus.
+    `ratio` is the stiffness of the liquid over that of the solid, `cooling` a heat transfer
+    coefficient in W/m2K; `springs` replaces pins, as stiffness over Young's modulus.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class CastSetup(CooledSlice):
         options: dict[str, Any] | None = None,
         cooling: float = 1600.0,
         springs: float | None = None,
-        **given: Any,
+        **settings: Any,
     ) -> None:
         start = STEEL.liquidus + 20.0
         curve = STEEL.thermal_curve(400.0, start + 2.0, start)
@@ -69,28 +69,28 @@ class CastSetup(CooledSlice):
             "planes": PlainPlanes(allowed_strains(section.groups)),
             "ferrostatic": Ferrostatic(Machine(Steady(0.06)).head(7000.0), STEEL.solid_fraction),
         }
-        made = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given))
-        super().__init__(thermal, made, options=options, springs=springs)
+        definition = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | settings))
+        super().__init__(thermal, definition, options=options, springs=springs)
 
     def frozen(self, until: float, step: float) -> CastSetup:
-        """Freeze first: the mechanics begin at `until` (s), free of stress."""
+        """Solidify without mechanics, which begins free of stress at `until` (s)."""
         self.thermal.advance(until, step)
         self.state = self.stepper.initial(until, self.thermal.state.point.temperature)
         return self
 
     @property
     def stress(self) -> np.ndarray:
-        """Stress at the owned vertices (owned, 4), Pa."""
+        """Return the stress at the owned vertices (owned, 4), Pa."""
         points = self.problem.points
         return points.at_vertices(points.recovered(self.state.stress))
 
     @property
     def moved(self) -> np.ndarray:
-        """Displacement of the owned vertices (owned, 2), m."""
+        """Return the displacement of the owned vertices (owned, 2), m."""
         return self.problem.points.nodal(self.state.displacement)
 
     @property
     def vertices(self) -> np.ndarray:
-        """Their positions (owned, 2), m."""
+        """Return the positions of the owned vertices (owned, 2), m."""
         section = self.thermal.section
         return section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]

@@ -1,4 +1,4 @@
-"""A section that cools and strains in even steps: thermal first, then its mechanics, in memory."""
+"""A section that cools and strains in equal steps: heat balance, then mechanics, in memory."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from castfem.physics.mechanics.stepper import MechanicalStepper
 
 
 class CooledSlice:
-    def __init__(self, thermal: ThermalSetup, slice_: Slice, **given: Any) -> None:
+    def __init__(self, thermal: ThermalSetup, slice_: Slice, **settings: Any) -> None:
         self.thermal = thermal
-        self.problem = MechanicalProblem(thermal.section, slice_, **given)
+        self.problem = MechanicalProblem(thermal.section, slice_, **settings)
         self.stepper = MechanicalStepper(self.problem)
         self.state = self.stepper.initial(0.0, thermal.state.point.temperature)
         self.results: list[MechanicalResult] = []
 
     def advance(self, end: float, step: float) -> Self:
-        """Even steps to `end` (s)."""
+        """Take equal steps to `end` (s)."""
         begin = self.state.time
         count = round((end - begin) / step)
         for i in range(count):

@@ -1,4 +1,4 @@
-"""Meshes of mapped squares, for problems whose cells are to be of a given shape and number."""
+"""Meshes of mapped squares with cells of prescribed shape and number."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def mapped(
     order: int = 1,
     groups: tuple[str, str, str, str] = ("symmetry_x", "symmetry_y", "right", "top"),
 ) -> meshes.SectionMesh:
-    """The unit square (s, t) with `across` x `along` cells, mapped by `shape`.
+    """Mesh the unit square (s, t) with `across` x `along` cells, mapped by `shape`.
 
     `groups` name its sides s = 0, t = 0, s = 1, t = 1.
     """
@@ -65,7 +65,7 @@ def box(width: float, height: float, x0: float = 0.0, y0: float = 0.0) -> Map:
 
 
 def skewed(width: float, height: float, strength: float = 0.12) -> Map:
-    """Map to a rectangle with distorted cells inside and along the sides."""
+    """Return a map to a rectangle with distorted cells inside and along the sides."""
 
     def shape(s: Array, t: Array) -> tuple[Array, Array]:
         bump = strength * np.sin(np.pi * s) * np.sin(np.pi * t)
@@ -76,7 +76,7 @@ def skewed(width: float, height: float, strength: float = 0.12) -> Map:
 
 
 def ring(inner: float, outer: float) -> Map:
-    """Map to a quarter of a ring: s is radial, t runs from the x to the y axis."""
+    """Return a map to a quarter of a ring: s is radial, t goes from the x to the y axis."""
 
     def shape(s: Array, t: Array) -> tuple[Array, Array]:
         radius, angle = inner + (outer - inner) * s, 0.5 * np.pi * t

@@ -1,4 +1,4 @@
-"""Blocks and a punch, by which the stability of the mean stress is judged."""
+"""Blocks and a punch to test the stability of the mean stress."""
 
 from __future__ import annotations
 
@@ -35,33 +35,33 @@ SIDES = ("left", "bottom", "right", "top")
 FOUR_TERMS = Integration(4, 3, linear=False)
 YOUNG, POISSON = 200e9, 0.499999
 SHEAR = 0.5 * YOUNG / (1.0 + POISSON)
-NO_MODE = 1e-13  # square of a constant that counts as none
+NO_MODE = 1e-13  # square of an inf-sup constant that counts as 0
 
 
 @dataclass
 class Block:
-    """A slice in plane strain and the state it has come to."""
+    """A slice in plane strain and its current state."""
 
-    problem: MechanicalProblem  #: its equilibrium
-    stepper: MechanicalStepper  #: its steps
-    state: MechanicalState  #: where it is
+    problem: MechanicalProblem  #: equilibrium
+    stepper: MechanicalStepper  #: time steps
+    state: MechanicalState  #: current state
 
     @classmethod
     def of(
-        cls, mesh: meshes.SectionMesh, law: Any, rules: Integration | None, **given: Any
+        cls, mesh: meshes.SectionMesh, law: Any, rules: Integration | None, **settings: Any
     ) -> Block:
-        """Free of stress."""
+        """Return a block free of stress."""
         section = Section(MPI.COMM_SELF, mesh)
-        slice_ = Slice(law, np.zeros_like, PlainPlanes(()), integration=rules, **given)
+        slice_ = Slice(law, np.zeros_like, PlainPlanes(()), integration=rules, **settings)
         problem = MechanicalProblem(section, slice_)
         stepper = MechanicalStepper(problem, judge=False)
         return cls(problem, stepper, stepper.initial(0.0, np.zeros(section.owned)))
 
     def step(self, time: float) -> Block:
-        """One step to `time` (s).
+        """Take one step to `time` (s).
 
         Raises:
-            RuntimeError: It did not converge.
+            RuntimeError: The step did not converge.
         """
         result = self.stepper.step(self.state, time, self.state.temperature)
         if not result.converged:
@@ -71,12 +71,12 @@ class Block:
 
     @property
     def mean(self) -> Array:
-        """Mean stress at its points, as it enters equilibrium, Pa."""
+        """Return the mean stress at its points, as it enters equilibrium, Pa."""
         points = self.problem.points
         return points.linear(self.state.stress[points.deviator_points :, :3].mean(axis=1))
 
     def rms(self, values: Array) -> float:
-        """Root of the mean square over the area of values at the points of the mean stress."""
+        """Return the rms over the area of values at the points of the mean stress."""
         weights = self.problem.points.mean.volume
         return float(np.sqrt(weights @ values**2 / weights.sum()))
 
@@ -86,14 +86,14 @@ def elastic(poisson: float = POISSON) -> ThermoElastic:
 
 
 def inf_sup(mesh: meshes.SectionMesh, rules: Integration | None) -> tuple[int, float]:
-    """How well displacements that are zero on all sides feel each mean stress.
+    """Compute the inf-sup constant for displacements that are zero on all sides.
 
     The least of max_v int p div v / (|p| |eps(v)|) over the mean stresses p of the discretisation,
     with the norms of int p^2 and int 2 eps : eps.
 
     Returns:
-        Number of mean stresses that no displacement feels (the uniform one at least), and the
-        constant of the others.
+        Number of mean stresses that do no work on any displacement (at least the uniform one), and
+        the constant of the others.
     """
     held = tuple(PrescribedDisplacement(SIDES, i) for i in range(2))
     points = (block := Block.of(mesh, elastic(), rules, held=held, pin=False)).problem.points
@@ -104,18 +104,18 @@ def inf_sup(mesh: meshes.SectionMesh, rules: Integration | None) -> tuple[int, f
     weighted = values * points.mean.volume.reshape(*values.shape[:2], 1)
     work = weighted.transpose(0, 2, 1) @ points.dilation
     rows = dof_values.operator(space, np.arange(len(work)), work)[:, free].toarray()
-    felt = rows @ splu(norm[free][:, free].tocsc()).solve(rows.T)
+    coupled = rows @ splu(norm[free][:, free].tocsc()).solve(rows.T)
     size = scipy.linalg.block_diag(*(weighted.transpose(0, 2, 1) @ values))
-    found = scipy.linalg.eigh(0.5 * (felt + felt.T), size, eigvals_only=True)
-    unfelt = int((found < NO_MODE).sum())
-    return unfelt, float(np.sqrt(found[unfelt]))
+    found = scipy.linalg.eigh(0.5 * (coupled + coupled.T), size, eigvals_only=True)
+    spurious = int((found < NO_MODE).sum())
+    return spurious, float(np.sqrt(found[spurious]))
 
 
 def colliding(cells: int, rules: Integration | None, cell: str = "quadrilateral") -> float:
-    """Rms error of the mean stress in colliding flows, over its rms.
+    """Return the rms error of the mean stress in colliding flows over its rms.
 
-    Stokes' flow u = (20 x y^3, 5 x^4 - 5 y^4), p = 60 x^2 y - 20 y^3 in a square of side 2, by its
-    displacements on all sides.  A uniform mean stress is left free by them, and does not count.
+    Stokes' flow u = (20 x y^3, 5 x^4 - 5 y^4), p = 60 x^2 y - 20 y^3 in a square of side 2, driven
+    by its displacements on all sides. They leave a uniform mean stress free, which does not count.
     """
     flow: list[Field] = [
         lambda p, t: 1e-6 * t * 20.0 * p[:, 0] * p[:, 1] ** 3,
@@ -132,7 +132,7 @@ def colliding(cells: int, rules: Integration | None, cell: str = "quadrilateral"
 
 
 def punch(cells: int, rules: Integration | None) -> Block:
-    """A rough rigid punch, half as wide as the block it is pressed into; rough walls all round."""
+    """Press a rough rigid punch into a block of twice its width between rough walls."""
     mesh = mapped(cells, cells, box(1.0, 1.0), groups=("symmetry_x", "bottom", "right", "top"))
     middle = mesh.points[mesh.facets].mean(axis=1)
     pressed = (mesh.facet_group == 3) & (middle[:, 0] < 0.5)
@@ -149,7 +149,7 @@ def punch(cells: int, rules: Integration | None) -> Block:
 
 
 def under_punch(block: Block, cells: int) -> tuple[Array, Array]:
-    """Mean stress by its four terms on each of cells x cells squares, as on a coarse mesh.
+    """Fit the mean stress by four terms on each of cells x cells squares, as on a coarse mesh.
 
     Returns:
         Factors of 1, x, y and xy, x and y from -1 to 1 in the square (squares, 4), Pa; centres of
@@ -166,14 +166,14 @@ def under_punch(block: Block, cells: int) -> tuple[Array, Array]:
 
 
 def punch_error(block: Block, fine: Block, cells: int) -> tuple[float, float]:
-    """Error of the mean stress against a fine mesh's, and its term xy alone, rms over the rms.
+    """Return the relative rms errors of the mean stress and of its term xy, by a fine mesh.
 
-    Squares that touch the edges of punch and walls, where the stress has no bound, do not count.
+    Squares at the edges of punch and walls, where the stress is singular, do not count.
     """
     (found, centre), (better, _) = under_punch(block, cells), under_punch(fine, cells)
     corners = [(0.5, 1.0), (1.0, 1.0), (1.0, 0.0)]
     far = np.min([np.abs(centre - c).max(axis=1) for c in corners], axis=0) > 0.25
-    # Of the terms over a square; those of the fine mesh are what the coarse one could have.
+    # Mean squares of the terms over a square.
     share = np.array([1.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 9.0])
 
     def rms(values: Array) -> float:

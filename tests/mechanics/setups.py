@@ -1,4 +1,4 @@
-"""Mechanical problems in memory for the tests: meshes of mapped squares, laws, and steps."""
+"""Mechanical problems in memory for the tests: mapped meshes, laws and steps."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def no_thermal_strain(temperature: Array) -> Array:
 
 
 def expansion(coefficient: float) -> Callable[[Array], Array]:
-    """Thermal strain from 0 K on."""
+    """Return a thermal strain proportional to the temperature in K."""
     return lambda temperature: coefficient * temperature
 
 
 @dataclass
 class SliceSetup:
-    """A section, its equilibrium and the state that has been reached."""
+    """A section, its equilibrium and its current state; `settings` changes the `Slice`."""
 
     mesh: meshes.SectionMesh
     law: Any = field(default_factory=elastic)
@@ -54,14 +54,14 @@ class SliceSetup:
     options: dict[str, Any] = field(default_factory=dict)
     tolerance: float = 1e-8
     extrapolate: bool = True
-    given: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
     springs: float | None = None
-    judge: bool = False  # closed forms hold of the equations, however large the strain
+    judge: bool = False  # closed forms hold for the equations at any strain
     start: float | Callable[[Array, Array], Array] = 0.0
 
     def __post_init__(self) -> None:
         self.section = Section(self.comm, self.mesh if self.comm.rank == 0 else None)
-        slice_ = replace(Slice(self.law, self.thermal), **self.given)
+        slice_ = replace(Slice(self.law, self.thermal), **self.settings)
         self.problem = MechanicalProblem(
             self.section, slice_, self.options, self.tolerance, springs=self.springs
         )
@@ -71,19 +71,19 @@ class SliceSetup:
 
     @property
     def vertices(self) -> Array:
-        """Positions of the owned vertices (owned, 2), m."""
+        """Return the positions of the owned vertices (owned, 2), m."""
         places = self.section.vertex_space.tabulate_dof_coordinates()
         return np.asarray(places[: self.section.owned, :2])
 
     def field(self, value: float | Callable[[Array, Array], Array]) -> Array:
-        """A number or a function of x and y at the owned vertices."""
+        """Evaluate a number or a function of x and y at the owned vertices."""
         x, y = self.vertices.T
         return np.asarray(value(x, y)) if callable(value) else np.full(len(x), float(value))
 
     def step(
         self, time: float, temperature: float | Callable[[Array, Array], Array] | None = None
     ) -> MechanicalResult:
-        """One step to `time`; it must succeed."""
+        """Take one step to `time`, which must converge."""
         new = self.state.temperature if temperature is None else self.field(temperature)
         result = self.stepper.step(self.state, time, new)
         assert result.converged, result.reason
@@ -93,29 +93,29 @@ class SliceSetup:
 
     @property
     def stress(self) -> Array:
-        """Stress at the points of the deviator (n, 4): the mean one carried over by cell.
+        """Return the stress at the points of the deviator (n, 4).
 
-        Exact where the mean stress is linear over a cell.
+        The mean stress is interpolated cell by cell: exact if it is linear over a cell.
         """
         return self.problem.points.recovered(self.state.stress)
 
     @property
     def places(self) -> Array:
-        """Positions of the deviator's points (n, 2)."""
+        """Return the positions of the points of the deviator (n, 2), m."""
         return self.problem.points.deviator.position
 
     def displacement(self, where: Callable[[Array, Array], Array]) -> Array:
-        """Displacements (k, 2) of the nodes at positions that `where` picks."""
+        """Return the displacements (k, 2) of the nodes selected by `where`, m."""
         places = self.problem.space.tabulate_dof_coordinates()[:, :2]
         u = self.state.displacement.reshape(-1, 2)
         return np.asarray(u[where(*places.T)])
 
 
 def pressed_tube(
-    cells: tuple[int, int], radii: tuple[float, float], law: Any, pressure: Any, **given: Any
+    cells: tuple[int, int], radii: tuple[float, float], law: Any, pressure: Any, **settings: Any
 ) -> SliceSetup:
-    """A quarter of a tube under inner pressure (Pa over time), in plane strain if not otherwise."""
-    cell = given.pop("cell", "quadrilateral")
+    """Set up a quarter of a tube under inner pressure (Pa over time); default: plane strain."""
+    cell = settings.pop("cell", "quadrilateral")
     mesh = mapped(*cells, ring(*radii), cell, 2, RING_GROUPS)
     loads = (SurfacePressure(("inner",), pressure),)
-    return SliceSetup(mesh, law, given={"planes": PlainPlanes(()), "loads": loads, **given})
+    return SliceSetup(mesh, law, settings={"planes": PlainPlanes(()), "loads": loads, **settings})

@@ -31,14 +31,14 @@ CELLS = ["quadrilateral", "triangle"]
 
 
 def quench(x: Array, y: Array) -> Array:
-    """Temperature change of the free square, K."""
+    """Return the temperature change of the free square, K."""
     return np.asarray(-400.0 * ((x / 0.1) ** 8 + (y / 0.1) ** 8))
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
 @pytest.mark.parametrize("cell", CELLS)
 def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: float) -> None:
-    """Strain_zz is alpha mean(dT), whatever Poisson's ratio and however uneven the field."""
+    """Strain_zz is alpha mean(dT) for any Poisson's ratio and temperature field."""
     alpha, young = 1.35e-5, 200e9
     mesh = mapped(8, 8, skewed(0.1, 0.1, 0.05), cell)
     setup = SliceSetup(mesh, elastic(young, poisson), expansion(alpha), tolerance=1e-12)
@@ -47,10 +47,10 @@ def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: flo
     heat = setup.problem.at_points(setup.state.temperature)
     for rows in (slice(0, points.deviator_points), slice(points.deviator_points, None)):
         mean = points.volume[rows] @ heat[rows] / points.volume[rows].sum()
-        # The points of the mean stress see the field less sharply than those of the deviator.
+        # The points of the mean stress sample the field more coarsely than those of the deviator.
         assert setup.state.generalized_strains[0] == pytest.approx(alpha * mean, rel=1e-9)
     assert result.balance.axial_error < 1e-12
-    # The stress along the strand is that of the strain left over, and of the stress in the plane.
+    # Without Poisson's effect the axial stress is that of the remaining axial strain.
     hot = heat[: points.deviator_points]
     strain = setup.state.generalized_strains[0] - alpha * hot
     if poisson == 0.0:
@@ -58,8 +58,8 @@ def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: flo
         assert np.abs(stress - young * strain).max() < 1e-10 * young * np.abs(strain).max()
 
 
-def test_free_corner_of_the_square() -> None:
-    """Sigma_zz = E (strain_zz - alpha dT) where both faces are free, at second order."""
+def test_stress_at_the_free_corner_is_uniaxial() -> None:
+    """Sigma_zz = E (strain_zz - alpha dT) where both faces are free, to second order."""
     alpha, young = 1.35e-5, 200e9
     errors = []
     for n in (8, 16, 32):
@@ -74,8 +74,8 @@ def test_free_corner_of_the_square() -> None:
 
 
 @pytest.mark.parametrize("cell", CELLS)
-def test_thermoelastic_tube(cell: str) -> None:
-    """A hot bore: Timoshenko's tube in generalized plane strain, ends free as a whole."""
+def test_thermoelastic_tube_has_its_closed_form(cell: str) -> None:
+    """Timoshenko's tube with a hot bore in generalized plane strain, free of axial force."""
     a, b, hot, alpha, young, nu = 0.02, 0.04, 100.0, 1e-5, 200e9, 0.3
 
     def heat(x: Array, y: Array) -> Array:
@@ -100,7 +100,7 @@ def test_thermoelastic_tube(cell: str) -> None:
 
 
 def cylinder(cells: int, cell: str = "quadrilateral") -> SliceSetup:
-    """A thick cylinder under inner pressure, crept until its stress no longer changes."""
+    """Let a thick cylinder under inner pressure creep until its stress is stationary."""
     law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, MPA, 5.0)
     setup = pressed_tube((cells, cells), (0.02, 0.04), law, lambda t: 10 * MPA, cell=cell)
     time, dt = 0.0, 1.0
@@ -112,7 +112,7 @@ def cylinder(cells: int, cell: str = "quadrilateral") -> SliceSetup:
 
 
 def creep_errors(setup: SliceSetup) -> tuple[float, float]:
-    """Largest of the rms errors of radial, hoop and axial stress over the pressure, and of udot."""
+    """Return the largest rms error of the stresses over the pressure, and the error of udot."""
     a, b, p, n = 0.02, 0.04, 10 * MPA, 5.0
     r = np.hypot(*setup.places.T)
     c, s = setup.places.T / r
@@ -134,8 +134,8 @@ def creep_errors(setup: SliceSetup) -> tuple[float, float]:
     )
 
 
-def test_thick_cylinder_under_norton_creep() -> None:
-    """Stress and rate of the stationary state, physics: D = (b/a)^(2/n) - 1 ..., third order."""
+def test_thick_cylinder_creeps_as_its_closed_form() -> None:
+    """Stress and rate of the stationary state, with D = (b/a)^(2/n) - 1, converge."""
     found = np.array([creep_errors(cylinder(n)) for n in (2, 4, 8)])
     assert found[-1, 0] < 1e-3
     assert found[-1, 1] < 2e-5
@@ -144,23 +144,23 @@ def test_thick_cylinder_under_norton_creep() -> None:
     assert orders[:, 1].min() > 3.5
 
 
-def test_thick_cylinder_on_triangles() -> None:
+def test_thick_cylinder_creeps_on_triangles() -> None:
     stress, rate = creep_errors(cylinder(8, "triangle"))
     assert stress < 5e-3
     assert rate < 1e-3
 
 
-def test_creeping_bar_in_bending() -> None:
-    """Norton: M = 2 b (k/A)^(1/n) (h/2)^(2 + 1/n) / (2 + 1/n) at a constant rate of curvature."""
+def test_creeping_bar_has_the_moment_of_norton() -> None:
+    """M = 2 b (k/A)^(1/n) (h/2)^(2 + 1/n) / (2 + 1/n) at a constant rate of curvature."""
     height, width, rate = 0.22, 1.2, 1e-3
     law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, MPA, 5.0)
-    # y = 0 carries no stress: the half above is modelled, symmetric in x, held in y at y = 0.
+    # y = 0 is the neutral axis: the upper half is modelled, symmetric in x, fixed in y at y = 0.
     setup = SliceSetup(
         mapped(
             1, 8, box(width / 2, height / 2), groups=("symmetry_x", "neutral", "side", "outside")
         ),
         law,
-        given={"planes": PlainPlanes((), {"a2": lambda t: rate * t})},
+        settings={"planes": PlainPlanes((), {"a2": lambda t: rate * t})},
     )
     for time in np.cumsum(np.geomspace(1e-2, 2e4, 40)):
         result = setup.step(float(time))
@@ -177,7 +177,7 @@ SHAPES = [("quadrilateral", 1), ("quadrilateral", 2), ("triangle", 1), ("triangl
 
 
 def stiffness() -> Array:
-    """Hooke's law for Mandel vectors."""
+    """Return the matrix of Hooke's law for Mandel vectors."""
     shear, bulk = 0.5 * E / (1 + NU), E / (3 * (1 - 2 * NU))
     one = np.array([1.0, 1.0, 1.0, 0.0])
     return 2 * shear * (np.eye(4) - np.outer(one, one) / 3) + bulk * np.outer(one, one)
@@ -192,7 +192,7 @@ def test_linear_displacement_gives_constant_stress(cell: str, order: int) -> Non
     )
     planes = PlainPlanes((), {"a0": lambda t: 5e-4 * t})
     mesh = mapped(3, 3, skewed(0.1, 0.07), cell, order, FREE)
-    setup = SliceSetup(mesh, given={"held": held, "planes": planes, "pin": False})
+    setup = SliceSetup(mesh, settings={"held": held, "planes": planes, "pin": False})
     setup.step(1.0)
     strain = np.array([1e-3, -2e-3, 5e-4, 3e-4 / np.sqrt(2)])
     assert np.abs(setup.stress / (stiffness() @ strain) - 1).max() < 1e-11
@@ -200,11 +200,11 @@ def test_linear_displacement_gives_constant_stress(cell: str, order: int) -> Non
 
 @pytest.mark.parametrize(("cell", "order"), SHAPES)
 def test_free_expansion_makes_no_stress(cell: str, order: int) -> None:
-    """Uniform heating, all generalized strains free, held as a rigid body alone."""
+    """Uniform heating with all generalized strains free and only rigid motions fixed."""
     setup = SliceSetup(
         mapped(3, 2, skewed(0.1, 0.07), cell, order, FREE),
         thermal=expansion(1e-5),
-        given={"planes": PlainPlanes(("a0", "a1", "a2"))},
+        settings={"planes": PlainPlanes(("a0", "a1", "a2"))},
     )
     setup.step(1.0, 500.0)
     assert setup.state.generalized_strains == pytest.approx([5e-3, 0.0, 0.0, 0.0], abs=1e-13)
@@ -214,7 +214,7 @@ def test_free_expansion_makes_no_stress(cell: str, order: int) -> None:
 @pytest.mark.parametrize("imposed", [True, False])
 @pytest.mark.parametrize(("cell", "order"), [s for s in SHAPES if s != ("triangle", 2)])
 def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
-    """Eps_zz = e0 + k y with u quadratic (physics: GPS bar bending), curvature or moment given."""
+    """Eps_zz = e0 + k y with quadratic u, for a prescribed curvature or moment."""
     width, height, e0, k = 0.04, 0.06, 2e-4, 0.05
     inertia, area = width * height**3 / 12, width * height
     if imposed:
@@ -232,7 +232,7 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
 
     # Second-order displacement contains all quadratics on straight-sided cells only.
     mesh = mapped(2, 4, centred if order == 1 else straight, cell, order, FREE)
-    setup = SliceSetup(mesh, elastic(E, NU), given={"planes": planes})
+    setup = SliceSetup(mesh, elastic(E, NU), settings={"planes": planes})
     result = setup.step(1.0)
     y = setup.places[:, 1]
     assert setup.state.generalized_strains == pytest.approx([e0, 0.0, k, 0.0], abs=1e-13)
@@ -240,7 +240,7 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
     assert np.abs(setup.stress[:, 2] - E * (e0 + k * y)).max() < 1e-10 * largest
     assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-10 * largest
     assert result.balance.axial[2] == pytest.approx(E * inertia * k, rel=1e-10)
-    # Displacement, but for the rigid motion that the pins choose.
+    # Displacement except the rigid motion, which depends on the pins.
     places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     u = setup.state.displacement.reshape(-1, 2)
     x, y = places.T
@@ -249,16 +249,16 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
     rigid = np.zeros((2 * on_sides.sum(), 3))
     rigid[::2, 0] = rigid[1::2, 1] = 1.0
     rigid[::2, 2], rigid[1::2, 2] = -y[on_sides], x[on_sides]
-    left = (u - exact)[on_sides].ravel()
-    left -= rigid @ np.linalg.lstsq(rigid, left, rcond=None)[0]
-    assert np.abs(left).max() < 1e-11 * np.abs(exact).max()
+    error = (u - exact)[on_sides].ravel()
+    error -= rigid @ np.linalg.lstsq(rigid, error, rcond=None)[0]
+    assert np.abs(error).max() < 1e-11 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_one_cell(cell: str) -> None:
-    """A single cell (two triangles) of a quarter, pulled along the strand."""
+def test_single_cell_is_exact(cell: str) -> None:
+    """A quarter of a single quadrilateral or two triangles, pulled along the strand."""
     setup = SliceSetup(
-        mapped(1, 1, box(0.01, 0.01), cell), given={"planes": PlainPlanes(force=lambda t: 1e3)}
+        mapped(1, 1, box(0.01, 0.01), cell), settings={"planes": PlainPlanes(force=lambda t: 1e3)}
     )
     setup.step(1.0)
     assert setup.stress[:, 2] == pytest.approx(1e7, rel=1e-11)
@@ -267,24 +267,24 @@ def test_one_cell(cell: str) -> None:
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_aspect_ratio_of_fifty(cell: str) -> None:
+def test_thin_cells_are_exact(cell: str) -> None:
     """Thin cells change neither exactness nor the number of iterations."""
     planes = PlainPlanes(("a0", "a1", "a2"), moment_y=lambda t: 10.0)
     mesh = mapped(2, 20, box(0.1, 0.02, -0.05, -0.01), cell, 1, FREE)
-    setup = SliceSetup(mesh, given={"planes": planes})
+    setup = SliceSetup(mesh, settings={"planes": planes})
     result = setup.step(1.0)
     inertia = 0.1 * 0.02**3 / 12
     assert np.abs(setup.stress[:, 2] * inertia / (10.0 * setup.places[:, 1]) - 1).max() < 1e-8
     assert result.newton <= 2
 
 
-# The solidifying half-space: stress of the strip against the closed form (physics 1b).
+# The solidifying half-space: stress of the strip, compared with the closed form.
 
 
 EXACT = HalfSpace()
 
 
-def test_closed_form_gives_the_known_numbers() -> None:
+def test_closed_form_gives_the_published_values() -> None:
     assert EXACT.front == pytest.approx(0.665780, abs=1e-6)
     assert EXACT.compressed == pytest.approx(0.147449, abs=1e-6)
     assert EXACT.stretched == pytest.approx(0.263898, abs=1e-6)
@@ -310,13 +310,13 @@ def test_closed_form_gives_the_known_numbers() -> None:
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_coarse_strip(cell: str) -> None:
-    """Cells of 0.5 mm: 5 % of 20 MPa at 5 s and 21 s."""
+def test_coarse_strip_has_the_stated_error(cell: str) -> None:
+    """With cells of 0.5 mm the error is below 5 % of 20 MPa at 5 s and 3 % at 21 s."""
     strip = Strip(0.5e-3, cell=cell).advance(5.0, 0.1)
     assert strip.error(EXACT) < 0.05
     strip.advance(21.0, 0.2)
     assert strip.error(EXACT) < 0.03
-    # Both directions of the plane of the shell are one, and no force is left in either.
+    # The two in-plane directions are equivalent, and free of force.
     stress = strip.stress
     close = 1e-6 if cell == "quadrilateral" else 0.03
     assert np.abs(stress[:, 1] - stress[:, 2]).max() < close * 20e6
@@ -324,18 +324,18 @@ def test_coarse_strip(cell: str) -> None:
         strip.state.generalized_strains[3], rel=close
     )
     assert max(r.balance.axial_error for r in strip.results if r.balance) < 1e-8
-    # In the liquid and across the shell there is (next to) none.
+    # The stress across the shell is almost 0.
     assert np.abs(stress[:, 0]).max() < 0.05 * 20e6
 
 
-def test_fine_strip() -> None:
-    """Cells of 0.1 mm: 1 % at 5 s, peak tension and zero where they belong."""
+def test_fine_strip_has_the_stated_error() -> None:
+    """With cells of 0.1 mm the error is below 1 % at 5 s, and the peak is in its place."""
     strip = Strip(0.1e-3, length=0.015).advance(5.0, 0.04)
     assert strip.error(EXACT) < 0.01
     peak = int(np.argmax(strip.stress[:, 2]))
     assert strip.stress[peak, 2] == pytest.approx(11.2711e6, rel=0.02)
     assert strip.depth[peak] == pytest.approx(2.921e-3, abs=0.15e-3)
-    # Strain rate in the plane, K / 2t, over the last second.
+    # In-plane strain rate, K / 2t, over the last second.
     rate = (
         strip.state.generalized_strains[0] - strip.results[-26].state.generalized_strains[0]
     ) / 1.0
@@ -343,7 +343,7 @@ def test_fine_strip() -> None:
     assert rate == pytest.approx(mean, rel=0.01)
 
 
-def test_error_falls_with_the_cells() -> None:
+def test_error_decreases_with_the_cell_size() -> None:
     coarse, fine = (
         Strip(size, length=0.015).advance(5.0, 0.05).error(EXACT) for size in (1e-3, 0.25e-3)
     )

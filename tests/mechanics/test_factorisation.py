@@ -1,4 +1,4 @@
-"""Factorisations: failed, forgotten, repeated; by LU for a law with a strain tensor; freed."""
+"""Factorisations: failures, fallback, LU for unsymmetric laws, memory, cells without stress."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ MUMPS = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "m
 
 def petsc(matrix: Any) -> PETSc.Mat:
     rows = matrix.tocsr()
-    made = PETSc.Mat().createAIJ(
+    result = PETSc.Mat().createAIJ(
         rows.shape, csr=(rows.indptr, rows.indices, rows.data), comm=PETSc.COMM_SELF
     )
-    made.assemble()
-    return made
+    result.assemble()
+    return result
 
 
 def laplacian(n: int) -> Any:
@@ -48,7 +48,7 @@ def laplacian(n: int) -> Any:
 
 
 class Bordered:
-    """A bordered system whose block may be spoilt, and SNES' way of solving with it."""
+    """A bordered system with a replaceable block, solved as by SNES."""
 
     def __init__(self, matrix: Any, scalars: int, options: dict[str, Any]) -> None:
         self.matrix = petsc(matrix)
@@ -61,16 +61,16 @@ class Bordered:
         self.bordered.use_with(self.ksp)
 
     def error(self) -> float:
-        """Of a solution, relative; NaN if there is none."""
+        """Solve, and return the relative residual; NaN if the solver fails."""
         self.bordered.updated()
-        right, found = self.bordered.vector(), self.bordered.vector()
-        right.set(1.0)
-        self.ksp.solve(right, found)
+        rhs, solution = self.bordered.vector(), self.bordered.vector()
+        rhs.set(1.0)
+        self.ksp.solve(rhs, solution)
         if self.ksp.getConvergedReason() < 0:
             return float("nan")
-        again = right.duplicate()
-        self.bordered.operator.mult(found, again)
-        return float((again - right).norm() / right.norm())
+        product = rhs.duplicate()
+        self.bordered.operator.mult(solution, product)
+        return float((product - rhs).norm() / rhs.norm())
 
     def close(self) -> None:
         self.ksp.destroy()
@@ -80,91 +80,92 @@ class Bordered:
 
 @pytest.fixture(params=[0, 2])
 def bordered(request: pytest.FixtureRequest) -> Iterator[Bordered]:
-    made = Bordered(laplacian(30), request.param, MUMPS)
-    yield made
-    made.close()
+    system = Bordered(laplacian(30), request.param, MUMPS)
+    yield system
+    system.close()
 
 
-def test_a_singular_block_is_told_and_forgotten(bordered: Bordered) -> None:
-    """First sound, then a row of zeros, then sound again: each answer is that of its own block."""
+def test_singular_block_is_reported_and_has_no_after_effect(bordered: Bordered) -> None:
+    """Regular and singular blocks alternate: each result is that of the current block."""
     assert bordered.error() < 1e-12
-    for sound in (False, True, False, False, True):
+    for regular in (False, True, False, False, True):
         for column in (14, 15, 16):
-            value = {14: -1.0, 15: 2.0, 16: -1.0}[column] if sound else 0.0
+            value = {14: -1.0, 15: 2.0, 16: -1.0}[column] if regular else 0.0
             bordered.matrix.setValue(15, column, value)
             bordered.matrix.setValue(column, 15, value)
         bordered.matrix.assemble()
         error = bordered.error()
-        assert (error < 1e-12) == sound
-        assert bordered.bordered.failure == ("" if sound else "the equations are singular")
+        assert (error < 1e-12) == regular
+        assert bordered.bordered.failure == ("" if regular else "the equations are singular")
 
 
-def test_more_room_is_given_where_it_runs_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pivots that have to wait make the factors larger than MUMPS has expected."""
+def test_workspace_grows_when_it_runs_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Delayed pivots make the factors larger than MUMPS estimated."""
     rng = np.random.default_rng(3)
     n = 60
     block = sparse.random(n * n, n * n, 3.0 / (n * n), random_state=rng)
     saddle = sparse.bmat([[None, block + laplacian(n * n)], [(block + laplacian(n * n)).T, None]])
-    tight = MUMPS | {"mat_mumps_icntl_14": -50}  # half of it; later MUMPS expect enough
+    tight = MUMPS | {"mat_mumps_icntl_14": -50}  # half the estimate; later MUMPS estimate enough
     rooms: list[int] = []
-    given = factorisation._given
+    original = factorisation._given
     monkeypatch.setattr(
-        factorisation, "_given", lambda name, room: (rooms.append(room), given(name, room))[1]
+        factorisation, "_given", lambda name, room: (rooms.append(room), original(name, room))[1]
     )
-    made = Bordered(saddle, 1, tight)
-    assert made.error() < 1e-8
+    system = Bordered(saddle, 1, tight)
+    assert system.error() < 1e-8
     assert rooms
     assert not any("icntl_14" in name for name in PETSc.Options().getAll())
-    made.close()
+    system.close()
 
 
 @needs_minimum_degree
 @pytest.mark.parametrize(("pivot", "mumps"), [(4.0, False), (1e-12, True), (1e-30, True)])
-def test_what_needs_pivots_is_solved_by_mumps(pivot: float, mumps: bool) -> None:
-    """Without pivoting a first entry that is tiny costs all digits; the next step is its own."""
+def test_matrix_that_needs_pivots_is_solved_by_mumps(pivot: float, mumps: bool) -> None:
+    """Without pivoting a tiny first pivot costs all digits; the next matrix needs no fallback."""
     matrix = sparse.diags([1.0, pivot, 1.0], [-1, 0, 1], shape=(40, 40))  # type: ignore[call-overload]
-    made = Bordered(matrix, 1, WITHOUT_PIVOTING)
-    solver = made.bordered.solver
-    assert made.error() < 1e-12
+    system = Bordered(matrix, 1, WITHOUT_PIVOTING)
+    solver = system.bordered.solver
+    assert system.error() < 1e-12
     assert (solver._fallback is not None) == mumps
     for row in range(40):
-        made.matrix.setValue(row, row, 4.0)
-    made.matrix.assemble()
+        system.matrix.setValue(row, row, 4.0)
+    system.matrix.assemble()
     used: list[str] = []
     solved = solver._solved
     solver._solved = lambda by, *pair: (  # type: ignore[method-assign]
         used.append(by[0].getPC().getFactorSolverType()),
         solved(by, *pair),
     )[1]
-    assert made.error() < 1e-12
+    assert system.error() < 1e-12
     assert used == ["petsc"]
-    made.close()
+    system.close()
 
 
 @needs_minimum_degree
-def test_full_factors_are_those_of_mumps() -> None:
-    """From the first solution on, so that a resumed run has the same."""
-    made = Bordered(sparse.random(300, 300, 0.1, random_state=1) + 20 * sparse.eye(300), 1,
-                    WITHOUT_PIVOTING)  # fmt: skip
+def test_dense_factors_are_those_of_mumps() -> None:
+    """From the first solution on, so that a resumed run has the same results."""
+    system = Bordered(
+        sparse.random(300, 300, 0.1, random_state=1) + 20 * sparse.eye(300), 1, WITHOUT_PIVOTING
+    )
     for _ in range(2):
-        assert made.error() < 1e-12
-        assert made.bordered.solver._fallback is not None
-    made.close()
-    made = Bordered(laplacian(300), 1, WITHOUT_PIVOTING)
-    assert made.error() < 1e-10
-    assert made.bordered.solver._fallback is None
-    made.close()
+        assert system.error() < 1e-12
+        assert system.bordered.solver._fallback is not None
+    system.close()
+    system = Bordered(laplacian(300), 1, WITHOUT_PIVOTING)
+    assert system.error() < 1e-10
+    assert system.bordered.solver._fallback is None
+    system.close()
 
 
-def test_a_problem_that_is_left_is_freed() -> None:
-    """PETSc calls back what solves it; Python's collector does not see that."""
+def test_unused_problem_is_freed() -> None:
+    """PETSc refers back to the problem by its callbacks, which Python's collector cannot see."""
     setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)))
     setup.step(1.0, 10.0)
     problem = setup.problem
-    left = [weakref.ref(one) for one in (problem, problem.solver, problem.bordered)]
+    references = [weakref.ref(one) for one in (problem, problem.solver, problem.bordered)]
     del setup, problem
     gc.collect()
-    assert [reference() for reference in left] == [None, None, None]
+    assert [reference() for reference in references] == [None, None, None]
 
 
 HOT = 1350.0
@@ -178,8 +179,8 @@ def law(name: str, hardening: str) -> UnifiedSteel | NortonHoff:
     return NortonHoff(STIFF, *CURVE, hardening=hardening)  # type: ignore[arg-type]
 
 
-def swung(name: str, hardening: str) -> SliceSetup:
-    """Two swings of an uneven temperature whose pattern turns, so that flow does, too."""
+def cycled(name: str, hardening: str) -> SliceSetup:
+    """Run two cycles of a nonuniform temperature whose pattern rotates, and the flow with it."""
     setup = SliceSetup(
         mapped(4, 4, box(0.1, 0.1)), law(name, hardening), expansion(2e-5), start=HOT
     )
@@ -195,10 +196,10 @@ def swung(name: str, hardening: str) -> SliceSetup:
 
 
 @pytest.mark.parametrize("name", ["steel", "hoff"])
-def test_newton_needs_no_more_through_reversals(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By MUMPS, which factors a symmetric matrix as one."""
+def test_reversals_need_few_newton_iterations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With MUMPS, which uses the symmetry of a symmetric matrix."""
     monkeypatch.setattr(factorisation, "LIMITS", factorisation.OwnLimits(rows=0))
-    plain, signed = swung(name, "accumulated"), swung(name, "signed")
+    plain, signed = cycled(name, "accumulated"), cycled(name, "signed")
     for setup, kind in ((plain, "cholesky"), (signed, "lu")):
         solver = setup.problem.bordered.solver
         assert (solver._fallback[0] if solver._fallback else solver.ksp).getPC().getType() == kind
@@ -208,70 +209,73 @@ def test_newton_needs_no_more_through_reversals(name: str, monkeypatch: pytest.M
     flowed = [s.problem.slice.law.strain(s.state.internal[: s.problem.points.deviator_points])
               for s in (plain, signed)]  # fmt: skip
     assert flowed[1].max() > 1e-4
-    assert flowed[0].max() > 2.0 * flowed[1].max()  # what is accumulated only grows
+    assert flowed[0].max() > 2.0 * flowed[1].max()  # accumulated strain only grows
 
 
-# Deep liquid takes no part in the equations of a step: the answer is that of all cells.
+# Deep liquid is excluded from the equations of a step: the result is that of all cells.
 
 
-def billet(whole: bool, cell: str = "quadrilateral", comm: MPI.Comm = MPI.COMM_SELF) -> CastSetup:
-    """A billet in its mould; with `whole` every cell takes part in every step."""
+def billet(
+    all_cells: bool, cell: str = "quadrilateral", comm: MPI.Comm = MPI.COMM_SELF
+) -> CastSetup:
+    """Set up a billet in its mould; with `all_cells` every step includes every cell."""
     mesh = billet_mesh(cell=cell, surface_size=2e-3, core_size=1.5e-2)
-    made = CastSetup(mesh, comm, liquid="fed", **in_its_mould(mesh))
-    liquid = made.problem.liquid
-    if whole:
-        every = np.arange(made.problem.section.cells, dtype=np.int32)
+    setup = CastSetup(mesh, comm, liquid="fed", **in_its_mould(mesh))
+    liquid = setup.problem.liquid
+    if all_cells:
+        every = np.arange(setup.problem.section.cells, dtype=np.int32)
         liquid.cells_to = lambda layer: every  # type: ignore[method-assign]
-    return made
+    return setup
 
 
-def taken(made: CastSetup) -> list[tuple[int, Array, Array, Balance]]:
-    """Some steps: active points, displacement, stress and forces after each."""
+def run(setup: CastSetup) -> list[tuple[int, Array, Array, Balance]]:
+    """Take some steps: active points, displacement, stress and forces after each."""
     found = []
     for time in (1.5, 3.0, 4.5, 6.0):
-        made.advance(time, 1.5)
-        balance = made.results[-1].balance
+        setup.advance(time, 1.5)
+        balance = setup.results[-1].balance
         assert balance is not None
-        state = made.state
-        found.append((made.problem.active.count, state.displacement, state.stress, balance))
+        state = setup.state
+        found.append((setup.problem.active.count, state.displacement, state.stress, balance))
     return found
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_cells_without_stress_change_nothing(cell: str) -> None:
-    part, whole = taken(billet(False, cell)), taken(billet(True, cell))
-    for (_, *one, here), (_, *other, there) in zip(part, whole, strict=True):
-        for mine, its in zip(one, other, strict=True):
-            assert np.abs(mine - its).max() < 1e-7 * np.abs(its).max()
-        for mine, its in ((here.axial[1:], there.axial[1:]), (here.support, there.support)):
-            assert np.abs(mine - its).max() < 1e-7 * np.abs(its).max()
-    counts = [count for count, *_ in part]
+    active, full = run(billet(False, cell)), run(billet(True, cell))
+    for (_, *one, forces), (_, *other, all_forces) in zip(active, full, strict=True):
+        for found, expected in zip(one, other, strict=True):
+            assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
+        pairs = (forces.axial[1:], all_forces.axial[1:]), (forces.support, all_forces.support)
+        for found, expected in pairs:
+            assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
+    counts = [count for count, *_ in active]
     assert counts == sorted(counts)
-    assert counts[0] < 0.5 * whole[0][0] and counts[0] < counts[-1] < whole[0][0]
+    assert counts[0] < 0.5 * full[0][0] and counts[0] < counts[-1] < full[0][0]
 
 
 @pytest.mark.mpi
 def test_ranks_agree() -> None:
     found = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        made = billet(False, comm=comm)
-        made.advance(1.5, 1.5).advance(3.0, 1.5)
-        balance = made.results[-1].balance
+        setup = billet(False, comm=comm)
+        setup.advance(1.5, 1.5).advance(3.0, 1.5)
+        balance = setup.results[-1].balance
         found.append(np.concatenate([balance.support, balance.axial[1:]]))
     assert np.abs(found[0] - found[1]).max() < 1e-7 * np.abs(found[0]).max()
 
 
-def test_steel_that_melts_again_leaves_no_stress() -> None:
-    """Cells that had a shell, and are liquid again, bear nothing but the pressure."""
+def test_remelted_steel_has_no_stress() -> None:
+    """Cells that melt again carry only the pressure."""
     found = []
-    for whole in (False, True):
-        made = billet(whole).advance(4.5, 1.5)
-        frozen = made.problem.active.count
-        heat = np.full_like(made.state.temperature, made.state.temperature.max())
-        result = made.stepper.step(made.state, made.state.time + 1e-3, heat)
-        assert result.converged and result.balance is not None and made.problem.liquid is not None
-        assert not result.state.stress[~made.problem.liquid.carries].any()
-        assert whole or made.problem.active.count < frozen
+    for all_cells in (False, True):
+        setup = billet(all_cells).advance(4.5, 1.5)
+        frozen = setup.problem.active.count
+        heat = np.full_like(setup.state.temperature, setup.state.temperature.max())
+        result = setup.stepper.step(setup.state, setup.state.time + 1e-3, heat)
+        assert result.converged and result.balance is not None and setup.problem.liquid is not None
+        assert not result.state.stress[~setup.problem.liquid.carries].any()
+        assert all_cells or setup.problem.active.count < frozen
         found.append(result)
     part, every = found
     one, other = part.state.displacement, every.state.displacement
@@ -279,8 +283,8 @@ def test_steel_that_melts_again_leaves_no_stress() -> None:
     assert part.balance.support == pytest.approx(every.balance.support, rel=1e-7)
 
 
-def measured(section: Any) -> tuple[ufl.Form, ufl.Form, fem.FunctionSpace]:
-    """A vector and a matrix with a term on cells and one on a part of the surface."""
+def example_forms(section: Any) -> tuple[ufl.Form, ufl.Form, fem.FunctionSpace]:
+    """Return a vector and a matrix with a term on cells and one on a part of the surface."""
     mesh = section.mesh
     space = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -301,16 +305,16 @@ def assembled(form: fem.Form) -> Array:
     return np.array(vector.array)
 
 
-def test_a_form_on_parts_of_the_cells_adds_up() -> None:
+def test_forms_on_parts_of_the_cells_add_up() -> None:
     section = SliceSetup(mapped(6, 3, ring(0.02, 0.05), "quadrilateral", 2, RING_GROUPS)).section
-    vector, matrix, space = measured(section)
+    vector, matrix, space = example_forms(section)
     form = CellForm(section.mesh, vector)
     every = np.arange(section.cells, dtype=np.int32)
     one, other = every[every % 3 == 0], every[every % 3 != 0]
-    whole = assembled(form.on(every))
+    total = assembled(form.on(every))
     parts = assembled(form.on(one)) + assembled(form.on(other, False))
-    assert np.abs(whole - parts).max() < 1e-14 * np.abs(whole).max()
-    assert np.abs(assembled(form.on(every, False)) - whole).max() > 0.1 * np.abs(whole).max()
+    assert np.abs(total - parts).max() < 1e-14 * np.abs(total).max()
+    assert np.abs(assembled(form.on(every, False)) - total).max() > 0.1 * np.abs(total).max()
 
     compiled = CellForm(section.mesh, matrix)
     full = create_matrix(compiled.on(every))
@@ -323,7 +327,7 @@ def test_a_form_on_parts_of_the_cells_adds_up() -> None:
     for form_ in (compiled.on(every), compiled.on(one, False)):
         assemble_into(full, form_, [condition])
         assemble_into(part, form_, [condition])
-        wanted = full[:, :][np.ix_(rows, rows)]
-        assert np.abs(part[:, :] - wanted).max() < 1e-14 * np.abs(wanted).max()
-    for thing in (full, part):
-        thing.destroy()
+        expected = full[:, :][np.ix_(rows, rows)]
+        assert np.abs(part[:, :] - expected).max() < 1e-14 * np.abs(expected).max()
+    for each in (full, part):
+        each.destroy()

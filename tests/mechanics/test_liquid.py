@@ -1,4 +1,4 @@
-"""Liquid as a soft stand-in, or fed from above: freezing shells, stiff and extreme materials."""
+"""Liquid as a soft elastic stand-in or fed from above, and extreme materials."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def pressed(head: float) -> Ferrostatic:
     )
 
 
-def test_fully_liquid_slice() -> None:
-    """Nothing but soft liquid: it yields to its pressure as Hooke says with nu = 0."""
+def test_liquid_slice_expands_by_hooke() -> None:
+    """A slice of soft liquid expands under its pressure by Hooke's law with nu = 0."""
     ratio, head = 1e-4, 1e3
     setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.1)), soft(ratio), expansion(1e-5),
-        given={"ferrostatic": pressed(head)}, start=HOT,
+        settings={"ferrostatic": pressed(head)}, start=HOT,
     )  # fmt: skip
     setup.step(1.0)
     corner = setup.displacement(lambda x, y: (x > 0.0999) & (y > 0.0999))[0]
@@ -54,7 +54,7 @@ def test_fully_liquid_slice() -> None:
 
 
 def test_liquid_does_not_contract() -> None:
-    """Superheat goes without strain or stress when the law of the steel says so."""
+    """Cooling of superheated liquid gives neither strain nor stress."""
     setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.1)), soft(1e-5), STEEL.thermal_strain, start=STEEL.liquidus + 60
     )
@@ -63,22 +63,22 @@ def test_liquid_does_not_contract() -> None:
     assert not setup.state.stress.any()
 
 
-def test_fully_solid_slice() -> None:
-    """No liquid, no pressure: the same as without a ferrostatic setup."""
-    given = {"ferrostatic": pressed(1e6)}
-    with_, without = (
-        SliceSetup(mapped(3, 3, box(0.1, 0.1)), soft(1e-5), expansion(1e-5), given=g, start=COLD)
-        for g in (given, {})
+def test_solid_slice_has_no_ferrostatic_pressure() -> None:
+    """The result is that without ferrostatic pressure."""
+    settings = {"ferrostatic": pressed(1e6)}
+    with_pressure, without = (
+        SliceSetup(mapped(3, 3, box(0.1, 0.1)), soft(1e-5), expansion(1e-5), settings=g, start=COLD)
+        for g in (settings, {})
     )
-    for setup in (with_, without):
+    for setup in (with_pressure, without):
         setup.step(1.0, lambda x, y: COLD - 1e4 * x * y)
-    assert with_.state.displacement == pytest.approx(without.state.displacement, abs=1e-15)
-    assert not with_.state.pressure.any()
+    assert with_pressure.state.displacement == pytest.approx(without.state.displacement, abs=1e-15)
+    assert not with_pressure.state.pressure.any()
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_shell_under_pressure_with_a_core_of_liquid(cell: str) -> None:
-    """A frozen ring of one or more cells around liquid 1e-4 ... 1e-6 as stiff: Lame's tube."""
+def test_shell_around_soft_liquid_is_lames_tube(cell: str) -> None:
+    """A solid ring around liquid of 1e-4 to 1e-6 of its stiffness tends to Lame's tube."""
     inner, outer, head = 0.04, 0.05, 2e5
 
     def heat(x: Array, y: Array) -> Array:
@@ -89,7 +89,7 @@ def test_shell_under_pressure_with_a_core_of_liquid(cell: str) -> None:
         mesh = mapped(30, 12, ring(0.02, outer), cell, 2, RING_GROUPS)
         setup = SliceSetup(
             mesh, soft(ratio), start=heat,
-            given={
+            settings={
                 "ferrostatic": pressed(head), "planes": PlainPlanes(()),
                 "held": tuple(PrescribedDisplacement(("inner",), i) for i in range(2)),
             },
@@ -98,7 +98,7 @@ def test_shell_under_pressure_with_a_core_of_liquid(cell: str) -> None:
         tip = setup.displacement(lambda x, y: (x > outer - 1e-9) & (np.abs(y) < 1e-9))[0]
         found[ratio] = tip[0]
         assert result.newton <= 3
-    # The cell before the frozen vertices is solid but for its first third.
+    # The cell before the frozen vertices is solid except its first third.
     radius = inner - 0.7 * (outer - 0.02) / 30
     tube = head * radius**2 / (outer**2 - radius**2)
     moved = (1 + 0.3) / YOUNG * tube * ((1 - 0.6) * outer + outer)
@@ -106,8 +106,8 @@ def test_shell_under_pressure_with_a_core_of_liquid(cell: str) -> None:
     assert abs(found[1e-5] - found[1e-6]) < 0.2 * abs(found[1e-4] - found[1e-6])
 
 
-def test_one_cell_of_shell() -> None:
-    """The first instants: one row of cells is frozen, in part; the rest is liquid 1e-6 as stiff."""
+def test_shell_of_a_single_cell_converges() -> None:
+    """At first one row of cells is partly solid; the rest is liquid of 1e-6 of its stiffness."""
     setup = CastSetup(billet_mesh(surface_size=2e-3), ratio=1e-6, ferrostatic=None)
     setup.advance(1.5, 0.1)
     frozen = setup.thermal.state.point.temperature < STEEL.solidus
@@ -118,10 +118,10 @@ def test_one_cell_of_shell() -> None:
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 1e-6])
-def test_iterations_do_not_depend_on_the_softness(ratio: float) -> None:
+def test_iterations_are_independent_of_liquid_stiffness(ratio: float) -> None:
     setup = CastSetup(billet_mesh(), ratio=ratio, ferrostatic=None).advance(2.0, 0.1)
     assert np.mean([r.newton for r in setup.results]) < 8
-    # The shell shrinks and its corner is colder, so that it is pulled in most.
+    # The shell contracts, and most at its colder corner.
     corner = np.argmax(setup.vertices.sum(axis=1))
     assert (setup.moved[corner] < 0).all()
 
@@ -139,7 +139,7 @@ BASE = Elasticity(
     Constant(0.3),
     Solidity.of(STEEL, stiffness_ratio=1e-5),
 )  # fmt: skip
-HARSH = {
+EXTREME = {
     "yield falls 1000-fold over 0.1 K": PerfectlyPlastic(BASE, cliff(50e6, 50e3, 1500.0, 0.1)),
     "modulus falls 100-fold over 0.1 K": NortonHoff(
         Elasticity(cliff(100e9, 1e9, 1500.0, 0.1), Constant(0.3), BASE.solidity), **HOFF
@@ -154,10 +154,10 @@ HARSH = {
 
 
 @pytest.mark.parametrize("step", [0.05, 5.0])
-@pytest.mark.parametrize("name", list(HARSH))
-def test_harsh_materials(name: str, step: float) -> None:
-    """A freezing quarter in steps of 0.05 s and of 5 s: it ends right, or says why."""
-    setup = CastSetup(billet_mesh(), law=HARSH[name], cooling=8000.0, ferrostatic=None)
+@pytest.mark.parametrize("name", list(EXTREME))
+def test_extreme_materials_converge_or_fail_clearly(name: str, step: float) -> None:
+    """A solidifying quarter in steps of 0.05 s and of 5 s."""
+    setup = CastSetup(billet_mesh(), law=EXTREME[name], cooling=8000.0, ferrostatic=None)
     steps = 0
     while steps < (10 if step < 1.0 else 2):
         time = setup.state.time + step
@@ -188,40 +188,40 @@ def soft_or_fed(ratio: float, fed: bool) -> ThermoElastic:
 
 def built(
     mesh: Any, heat: Any, ratio: float, fed: bool = True, comm: MPI.Comm = MPI.COMM_SELF,
-    **given: Any,
+    **settings: Any,
 ) -> SliceSetup:  # fmt: skip
     def fraction(temperature: Array) -> Array:
         return np.clip((LIQUIDUS - temperature) / (LIQUIDUS - SOLIDUS), 0.0, 1.0)
 
-    given = {
+    settings = {
         "ferrostatic": Ferrostatic(lambda t: HEAD, fraction, "full", "free"),
         "planes": PlainPlanes(()),
         "liquid": "fed" if fed else "elastic",
-        **given,
+        **settings,
     }
-    return SliceSetup(mesh, soft_or_fed(ratio, fed), comm=comm, start=heat, given=given)
+    return SliceSetup(mesh, soft_or_fed(ratio, fed), comm=comm, start=heat, settings=settings)
 
 
 def tube(ratio: float, fed: bool = True, large: bool = False) -> SliceSetup:
-    """A frozen ring around liquid."""
+    """Solve a solid ring around liquid."""
 
     def heat(x: Array, y: Array) -> Array:
         return np.where(np.hypot(x, y) > 0.04 - 1e-6, COLD, HOT)
 
     held = tuple(PrescribedDisplacement(("inner",), i) for i in range(2))
     mesh = mapped(30, 12, ring(0.02, 0.05), "quadrilateral", 2, RING_GROUPS)
-    made = built(mesh, heat, ratio, fed, held=held, large_strain=large)
-    made.step(1.0)
-    return made
+    setup = built(mesh, heat, ratio, fed, held=held, large_strain=large)
+    setup.step(1.0)
+    return setup
 
 
-def tip(made: SliceSetup) -> float:
-    return float(made.displacement(lambda x, y: (x > 0.05 - 1e-9) & (np.abs(y) < 1e-9))[0][0])
+def tip(setup: SliceSetup) -> float:
+    return float(setup.displacement(lambda x, y: (x > 0.05 - 1e-9) & (np.abs(y) < 1e-9))[0][0])
 
 
 @pytest.mark.parametrize("large", [False, True])
-def test_a_tube_of_steel_bears_all_of_the_pressure(large: bool) -> None:
-    """The limit of an elastic liquid without stiffness, whatever the fed one is given."""
+def test_tube_around_fed_liquid_carries_all_pressure(large: bool) -> None:
+    """For any stiffness of fed liquid: the limit of elastic liquid of vanishing stiffness."""
     limit = tip(tube(1e-8, fed=False, large=large))
     for ratio in (1e-2, 1e-7):
         assert tip(tube(ratio, large=large)) == pytest.approx(limit, rel=2e-3)
@@ -229,62 +229,62 @@ def test_a_tube_of_steel_bears_all_of_the_pressure(large: bool) -> None:
 
 
 def test_deep_liquid_follows_the_shell() -> None:
-    """Its mesh goes along, evenly, between the shell and what is held."""
-    made = tube(1e-5)
-    x, y = made.problem.space.tabulate_dof_coordinates()[:, :2].T
-    u = made.state.displacement.reshape(-1, 2)
+    """The displacement of its mesh varies monotonically between shell and fixed nodes."""
+    setup = tube(1e-5)
+    x, y = setup.problem.space.tabulate_dof_coordinates()[:, :2].T
+    u = setup.state.displacement.reshape(-1, 2)
     outward = (u[:, 0] * x + u[:, 1] * y) / np.hypot(x, y)
     radius = np.round(np.hypot(x, y), 9)
     rings = np.unique(radius)
     mean = np.array([outward[radius == r].mean() for r in rings])
-    # The innermost cells are held and stand for a shell themselves.
+    # The innermost cells are fixed and act as a shell.
     assert np.all(np.diff(mean[(rings > 0.0209) & (rings < 0.0385)]) > 0.0)
     assert np.abs(mean[rings < 0.0211]).max() < 1e-15
-    deep = made.problem.points.position[~made.problem.liquid.carries]
+    deep = setup.problem.points.position[~setup.problem.liquid.carries]
     assert np.hypot(*deep.T).max() < 0.039
-    stress = made.state.stress[~made.problem.liquid.carries]
+    stress = setup.state.stress[~setup.problem.liquid.carries]
     assert stress.size and not stress.any()
 
 
 def opening(fed: bool) -> tuple[float, float]:
-    """Force on a wall that draws a shell away from its liquid, before and after 2 mm, N/m."""
+    """Return the force on a wall that pulls a shell off its liquid, before and after 2 mm, N/m."""
 
     def heat(x: Array, y: Array) -> Array:
         return np.where(x > 0.08 - 1e-6, COLD, HOT)
 
     held = (PrescribedDisplacement(("right",), 0, lambda x, t: np.full(len(x), 2e-3 * (t - 1.0))),)
     groups = ("symmetry_x", "symmetry_y", "right", "symmetry_y_top")
-    made = built(mapped(20, 10, box(0.1, 0.05), groups=groups), heat, 1e-3, fed, held=held)
+    setup = built(mapped(20, 10, box(0.1, 0.05), groups=groups), heat, 1e-3, fed, held=held)
     forces = []
     for time in (1.0, 1.5, 2.0):
-        balance = made.step(time).balance
+        balance = setup.step(time).balance
         assert balance is not None
-        forces.append(float(made.problem.residual_state.forces[right_dofs(made)].sum()))
+        forces.append(float(setup.problem.residual_state.forces[right_dofs(setup)].sum()))
     return forces[0], forces[-1]
 
 
-def right_dofs(made: SliceSetup) -> Array:
-    x = made.problem.space.tabulate_dof_coordinates()[: made.problem.owned // 2, 0]
+def right_dofs(setup: SliceSetup) -> Array:
+    x = setup.problem.space.tabulate_dof_coordinates()[: setup.problem.owned // 2, 0]
     return 2 * np.flatnonzero(x > 0.1 - 1e-9)
 
 
-def test_liquid_resists_no_opening() -> None:
-    """The wall bears the pressure on its height, wherever it is."""
+def test_fed_liquid_does_not_resist_opening() -> None:
+    """The wall carries the pressure on its height at any displacement."""
     assert opening(fed=True) == pytest.approx((-HEAD * 0.05, -HEAD * 0.05), rel=1e-4)
     before, after = opening(fed=False)
     assert after - before > HEAD * 0.02
 
 
-def test_liquid_has_no_memory() -> None:
-    """Steel that freezes starts free of stress, whatever its liquid went through."""
+def test_freezing_steel_starts_free_of_stress() -> None:
+    """The stress is 0 after any earlier deformation of the liquid."""
     held = (
         PrescribedDisplacement(("right",), 0, lambda x, t: np.full(len(x), 1e-3 * min(t, 1.0))),
         PrescribedDisplacement(("top",), 1),
     )
-    made = built(mapped(8, 4, box(0.1, 0.05)), HOT, 1e-2, held=held, ferrostatic=None)
-    made.step(1.0)
-    made.step(2.0, COLD)
-    assert np.abs(made.state.stress).max() < 1e-6 * YOUNG_FED * 1e-2
+    setup = built(mapped(8, 4, box(0.1, 0.05)), HOT, 1e-2, held=held, ferrostatic=None)
+    setup.step(1.0)
+    setup.step(2.0, COLD)
+    assert np.abs(setup.state.stress).max() < 1e-6 * YOUNG_FED * 1e-2
 
 
 @pytest.mark.mpi
@@ -294,9 +294,9 @@ def test_ranks_agree() -> None:
 
     found = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
-        made = built(mapped(12, 12, box(0.05, 0.05)), heat, 1e-5, comm=comm)
-        made.step(1.0)
-        size = float(np.abs(made.state.displacement).max())
-        total = float(np.sum(made.state.displacement[: made.problem.owned] ** 2))
+        setup = built(mapped(12, 12, box(0.05, 0.05)), heat, 1e-5, comm=comm)
+        setup.step(1.0)
+        size = float(np.abs(setup.state.displacement).max())
+        total = float(np.sum(setup.state.displacement[: setup.problem.owned] ** 2))
         found.append((comm.allreduce(size, op=MPI.MAX), comm.allreduce(total)))
     assert found[0] == pytest.approx(found[1], rel=1e-8)

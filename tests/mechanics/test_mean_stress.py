@@ -1,4 +1,4 @@
-"""The mean stress is stable on any mesh; its poorer rule keeps cells from locking.
+"""The mean stress is stable on any mesh; its reduced integration prevents locking.
 
 The rule is that of docs/mechanics.md; equation numbers are those of [Pascon2003]
 (docs/references.md).
@@ -35,25 +35,25 @@ from mechanics.setups import Map, SliceSetup, box, elastic, mapped, pressed_tube
 @pytest.mark.parametrize(
     ("name", "least"), zip(MESHES, (0.41, 0.42, 0.32, 0.34, 0.2, 0.16), strict=True)
 )
-def test_inf_sup_constant_does_not_fall(name: str, least: float) -> None:
-    """Only the uniform mean stress is not felt between sticking walls, however fine the mesh."""
+def test_inf_sup_constant_does_not_decrease(name: str, least: float) -> None:
+    """With all sides fixed only the uniform mean stress is spurious, on any mesh."""
     cell, shape, order = MESHES[name]
     counts = (2, 4, 8)
     found = [inf_sup(mapped(n, n, shape, cell, order, SIDES), None) for n in counts]
-    assert [unfelt for unfelt, _ in found] == [1] * len(counts)
+    assert [spurious for spurious, _ in found] == [1] * len(counts)
     constants = np.array([constant for _, constant in found])
     assert constants.min() > least
     assert (constants[1:] > 0.92 * constants[:-1]).all()
 
 
-def test_a_fourth_term_is_felt_less_on_finer_meshes() -> None:
+def test_fourth_term_is_unstable() -> None:
     found = [inf_sup(mapped(n, n, box(1.0, 1.0), groups=SIDES), FOUR_TERMS) for n in (2, 4, 8)]
-    assert [unfelt for unfelt, _ in found] == [2, 2, 2]
+    assert [spurious for spurious, _ in found] == [2, 2, 2]
     assert found[-1][1] < 0.4 * found[0][1]
 
 
-def mixed_in_results(block: Block) -> float:
-    """Term xy of the mean stress as results have it, by cell, over that of its rms."""
+def xy_term_in_results(block: Block) -> float:
+    """Return the rms of the term xy of the mean stress in the results, over the total rms."""
     points = block.problem.points
     x, y = 2.0 * points.deviator.points.T - 1.0
     mean = points.recovered(block.state.stress)[:, :3].mean(axis=1).reshape(-1, len(x))
@@ -61,8 +61,8 @@ def mixed_in_results(block: Block) -> float:
     return float(np.sqrt(np.mean(terms[3] ** 2) / np.mean(mean**2)))
 
 
-def test_no_checkerboard_under_a_punch() -> None:
-    """Poisson's ratio 0.499999; against a mesh four times as fine."""
+def test_mean_stress_under_a_punch_has_no_checkerboard() -> None:
+    """Poisson's ratio is 0.499999; the reference is a mesh four times as fine."""
     fine = punch(32, None)
     blocks = {n: punch(n, None) for n in (4, 8)}
     errors = np.array([punch_error(block, fine, n) for n, block in blocks.items()])
@@ -70,20 +70,20 @@ def test_no_checkerboard_under_a_punch() -> None:
     assert errors[0, 0] > 2.5 * errors[1, 0]
     four = punch(8, FOUR_TERMS)
     assert punch_error(four, fine, 8)[1] > 3.0 * errors[-1, 0]
-    assert mixed_in_results(blocks[8]) < 1e-12
-    assert mixed_in_results(four) > 0.03
+    assert xy_term_in_results(blocks[8]) < 1e-12
+    assert xy_term_in_results(four) > 0.03
 
 
 @pytest.mark.parametrize(("cell", "last"), [("quadrilateral", 8e-3), ("triangle", 4e-2)])
-def test_mean_stress_of_colliding_flows(cell: str, last: float) -> None:
-    """Stokes' flow between walls, known in closed form: second order."""
+def test_mean_stress_of_colliding_flows_is_of_second_order(cell: str, last: float) -> None:
+    """Stokes' flow between walls has a closed form."""
     errors = np.array([colliding(n, None, cell) for n in (4, 8, 16)])
     assert errors[-1] < last
     assert np.log2(errors[:-1] / errors[1:]).min() > 1.7
 
 
-def test_linear_part_of_a_cell() -> None:
-    """The projection keeps what is linear in x and y on any cell, and is its own adjoint."""
+def test_projection_on_linear_functions_is_exact() -> None:
+    """The projection keeps functions linear in x and y on any cell, and is self-adjoint."""
     for order in (1, 2):
         points = SliceSetup(mapped(3, 3, skewed(0.1, 0.07), order=order), elastic()).problem.points
         x, y = points.mean.position.T
@@ -95,11 +95,11 @@ def test_linear_part_of_a_cell() -> None:
         assert work == pytest.approx(volume @ (one * points.linear(other)), rel=1e-12)
         assert np.abs(points.linear(points.linear(one)) - points.linear(one)).max() < 1e-12
         by_cell = (volume * (one - points.linear(one))).reshape(-1, 4).sum(axis=1)
-        assert np.abs(by_cell).max() < 1e-16  # resultants stay
+        assert np.abs(by_cell).max() < 1e-16  # integrals over cells are kept
 
 
 @pytest.mark.parametrize("thin", [1.0, 1e3])
-def test_linear_part_of_thin_and_turned_cells(thin: float) -> None:
+def test_projection_is_exact_on_thin_and_rotated_cells(thin: float) -> None:
     def shape(s: Any, t: Any) -> Any:
         return 0.8 * s - 0.6 * t / thin, 0.6 * s + 0.8 * t / thin
 
@@ -114,20 +114,20 @@ ONE_RULE = Integration(4, 4, linear=False)
 
 
 def tube(cells: int, cell: str, rules: Integration | None, law: object = None) -> SliceSetup:
-    """A quarter of a thick tube under inner pressure, in plane strain."""
-    law, given = law or elastic(E, NU), {"cell": cell, "integration": rules}
-    return pressed_tube((cells, cells), (INNER, OUTER), law, lambda t: PRESSURE, **given)
+    """Set up a quarter of a thick tube under inner pressure, in plane strain."""
+    law, settings = law or elastic(E, NU), {"cell": cell, "integration": rules}
+    return pressed_tube((cells, cells), (INNER, OUTER), law, lambda t: PRESSURE, **settings)
 
 
 def bore(setup: SliceSetup, nodal: Array) -> float:
-    """Radial part of a nodal field at the bore."""
+    """Return the radial part of a nodal field at the bore."""
     places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     at = int(np.argmin(np.abs(places - [INNER, 0.0]).sum(axis=1)))
     return float(nodal.reshape(-1, 2)[at, 0])
 
 
 def lame_errors(setup: SliceSetup) -> tuple[float, float]:
-    """Error of the bore's displacement, and of the mean stress (rms over the pressure)."""
+    """Return the errors of the displacement of the bore and of the mean stress (rms/pressure)."""
     setup.step(1.0)
     share = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
     exact = share * (1 + NU) / E * ((1 - 2 * NU) * INNER + OUTER**2 / INNER)
@@ -139,7 +139,9 @@ def lame_errors(setup: SliceSetup) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("cell", "displacement", "stress"), [("quadrilateral", 2e-4, 2e-4), ("triangle", 2e-3, 1e-2)]
 )
-def test_nearly_incompressible_tube(cell: str, displacement: float, stress: float) -> None:
+def test_nearly_incompressible_tube_does_not_lock(
+    cell: str, displacement: float, stress: float
+) -> None:
     found = lame_errors(tube(4, cell, None))
     assert found[0] < displacement
     assert found[1] < stress
@@ -148,8 +150,8 @@ def test_nearly_incompressible_tube(cell: str, displacement: float, stress: floa
     assert locked[1] > 0.5
 
 
-def test_creep_of_a_tube() -> None:
-    """The stationary speed of the bore under Norton's law; with one rule it stands still."""
+def test_creeping_tube_does_not_lock() -> None:
+    """The bore has the stationary speed of Norton's law; with a single rule it hardly moves."""
     speeds = []
     for rules in (None, ONE_RULE):
         law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, 1e6, 5.0)
@@ -162,7 +164,7 @@ def test_creep_of_a_tube() -> None:
     assert speeds[1] < 0.1
 
 
-# Ferrostatic pressure: its resultant on the shell whatever the mesh, and where it acts.
+# Ferrostatic pressure: its resultant on the shell for any mesh, and where it acts.
 
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 3.0e5
@@ -173,7 +175,7 @@ def fraction(temperature: Array) -> Array:
 
 
 def nodal_forces(setup: SliceSetup, temperature: Any) -> Array:
-    """Forces of the pressure on the nodes (n, 2), N/m, before the material answers."""
+    """Return the nodal forces of the pressure (n, 2), N/m, at zero displacement."""
     problem = setup.problem
     problem.begin(setup.state, 1.0, setup.field(temperature))
     residual_state = problem._evaluate(np.zeros(problem.solver.x.getLocalSize()))
@@ -185,17 +187,17 @@ def setup_on(
 ) -> SliceSetup:
     pressure = Ferrostatic(lambda t: HEAD, fraction, mushy_zone, outside)  # type: ignore[arg-type]
     mesh = mapped(cells, cells, shape, cell, order)
-    return SliceSetup(mesh, elastic(), given={"ferrostatic": pressure}, start=1600.0)
+    return SliceSetup(mesh, elastic(), settings={"ferrostatic": pressure}, start=1600.0)
 
 
 @pytest.mark.parametrize("mushy_zone", list(SHARES))
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_resultant_of_a_straight_front(cell: str, mushy_zone: str) -> None:
-    """Gamma D times the height, wherever the front lies and however wide the mushy zone."""
+def test_resultant_at_a_straight_front_is_exact(cell: str, mushy_zone: str) -> None:
+    """Gamma D times the height, for any position of the front and width of the mushy zone."""
     height = 0.06
     setup = setup_on(box(0.1, height), cell, mushy_zone)
     x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
-    # All but what the line of symmetry carries is the shell's and the mushy zone's.
+    # All nodes off the line of symmetry belong to the shell and the mushy zone, or are balanced.
     shell = x >= 1e-9
     for front, width in product((0.043, 0.0555, 0.0777), (0.0, 0.004, 0.03)):
         ends = [front - width - 1e-9, front]
@@ -205,8 +207,8 @@ def test_resultant_of_a_straight_front(cell: str, mushy_zone: str) -> None:
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_resultant_on_distorted_cells(cell: str) -> None:
-    """The cut runs through distorted liquid cells: still gamma D times its projected length."""
+def test_resultant_on_distorted_cells_is_exact(cell: str) -> None:
+    """The front crosses distorted liquid cells: gamma D times its projected length."""
     setup = setup_on(skewed(0.1, 0.06), cell, "proportional", 8)
     force = nodal_forces(setup, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
     x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
@@ -216,8 +218,8 @@ def test_resultant_on_distorted_cells(cell: str) -> None:
 
 @pytest.mark.parametrize("mushy_zone", list(SHARES))
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_resultant_of_a_curved_front(cell: str, mushy_zone: str) -> None:
-    """A round pool in a quarter: gamma D times its radius on each line, better on finer meshes."""
+def test_resultant_at_a_curved_front_converges(cell: str, mushy_zone: str) -> None:
+    """A round pool in a quarter: gamma D times its radius on each line of symmetry."""
     radius, errors = 0.05, []
     for cells in (8, 16, 32):
         setup = setup_on(box(0.1, 0.1), cell, mushy_zone, cells)
@@ -233,7 +235,7 @@ def test_resultant_of_a_curved_front(cell: str, mushy_zone: str) -> None:
 
 
 @pytest.mark.parametrize("mushy_zone", list(SHARES))
-def test_nothing_where_there_is_no_liquid(mushy_zone: str) -> None:
+def test_solid_has_no_ferrostatic_force(mushy_zone: str) -> None:
     setup = setup_on(box(0.1, 0.06), "quadrilateral", mushy_zone, 10)
     force = nodal_forces(setup, lambda x, y: np.where(x < 0.035, 1780.0, 1600.0))
     x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
@@ -246,8 +248,8 @@ def test_nothing_where_there_is_no_liquid(mushy_zone: str) -> None:
     assert not cold.any()
 
 
-def test_shares_of_the_mushy_zone() -> None:
-    """(219) and the two extremes of Fig. 63."""
+def test_shares_of_the_pressure_in_the_mushy_zone() -> None:
+    """(219) and the two limits of Fig. 63."""
     solid = np.array([0.0, 1e-9, 0.5, 1.0 - 1e-9, 1.0])
     assert SHARES["proportional"](solid) == pytest.approx(1 - solid, abs=0.0)
     assert list(SHARES["full"](solid)) == [1, 1, 1, 1, 0]
@@ -259,24 +261,24 @@ def test_shares_of_the_mushy_zone() -> None:
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_liquid_at_the_surface_is_held_from_outside(cell: str) -> None:
-    """Before there is a shell the slice feels nothing; then the front alone."""
+def test_liquid_at_the_surface_is_supported_from_outside(cell: str) -> None:
+    """Without a shell no force acts; with a shell only that on the front."""
     setup = setup_on(skewed(0.1, 0.06), cell, "proportional", 8, outside="held")
     place = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     outside = (place[:, 0] > 1e-9) & (place[:, 1] > 1e-9)
     assert np.abs(nodal_forces(setup, 1780.0)[outside]).max() < 1e-12 * HEAD
-    # Liquid up to the upper face, a shell at the right: gamma D times the height on the shell.
+    # With liquid at the upper face and a shell on the right: gamma D times the height of the shell.
     force = nodal_forces(setup, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
     assert force[place[:, 0] > 1e-9, 0].sum() == pytest.approx(HEAD * 0.06, rel=1e-10)
     upper = (place[:, 1] > 0.06 - 1e-9) & (place[:, 0] < 0.03) & (place[:, 0] > 1e-9)
     assert np.abs(force[upper]).max() < 1e-12 * HEAD
 
 
-def blown_up(outside: str) -> tuple[Array, Array]:
-    """Nodes of a liquid square at 1.3 times its size, and the forces that its pressure makes."""
+def scaled_square(outside: str) -> tuple[Array, Array]:
+    """Return the nodes of a liquid square scaled by 1.3, and the forces of its pressure."""
     pressure = Ferrostatic(lambda t: HEAD, fraction, outside=outside)  # type: ignore[arg-type]
-    given = {"ferrostatic": pressure, "large_strain": True}
-    setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), elastic(), given=given, start=1780.0)
+    settings = {"ferrostatic": pressure, "large_strain": True}
+    setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), elastic(), settings=settings, start=1780.0)
     problem = setup.problem
     problem.begin(setup.state, 1.0, setup.field(1780.0))
     places = problem.space.tabulate_dof_coordinates()[:, :2]
@@ -288,9 +290,9 @@ def blown_up(outside: str) -> tuple[Array, Array]:
     return places, problem._evaluate(local).forces.reshape(-1, 2) - pressed
 
 
-def test_liquid_is_held_on_the_deformed_surface() -> None:
-    """Its pressure and that from outside cancel."""
-    places, forces = blown_up("held")
+def test_outer_pressure_acts_on_the_deformed_surface() -> None:
+    """The inner and the outer pressure on liquid cancel."""
+    places, forces = scaled_square("held")
     inner = (places > 1e-9).all(axis=1)
     assert np.abs(forces)[inner].max() < 1e-10 * HEAD * 0.1
 
@@ -301,7 +303,7 @@ def test_head_of_a_vertical_machine() -> None:
 
 
 def test_pressure_follows_the_walls_at_large_strain() -> None:
-    """Gamma D times its new length."""
-    places, by_pressure = blown_up("free")
+    """The force is gamma D times the deformed length."""
+    places, by_pressure = scaled_square("free")
     force = by_pressure[np.isclose(places[:, 0], 0.1), 0].sum()
     assert force == pytest.approx(HEAD * 0.13, rel=1e-10)

@@ -30,8 +30,8 @@ def thickness(generalized_strains: np.ndarray, y: float) -> float:
 
 
 @pytest.mark.parametrize("radius", [4.0, 10.0, 1e9])
-def test_planes_meet_in_the_centre_of_curvature(radius: float) -> None:
-    """(40)-(41): whatever a0 comes to, the thickness vanishes at y = R - h/2."""
+def test_planes_intersect_at_the_centre_of_curvature(radius: float) -> None:
+    """(40)-(41): for any a0 the thickness vanishes at y = R - h/2."""
     planes = BentPlanes(lambda t: 1 / radius, 0.1, test_direction="axial")
     offset, directions, test = planes.at(0.0)
     assert test[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
@@ -43,8 +43,8 @@ def test_planes_meet_in_the_centre_of_curvature(radius: float) -> None:
 
 
 @pytest.mark.parametrize("axis", [-0.05, 0.0, 0.08])
-def test_imposed_neutral_axis(axis: float) -> None:
-    """(42)-(44): thickness 1 at y1, both motions given."""
+def test_imposed_neutral_axis_keeps_its_thickness(axis: float) -> None:
+    """(42)-(44): the thickness is 1 at y1, and both motions are imposed."""
     radius, half = 10.0, 0.11
     planes = BentPlanes(lambda t: 1 / radius, half, neutral_axis=axis)
     assert planes.free == ()
@@ -56,23 +56,23 @@ def test_imposed_neutral_axis(axis: float) -> None:
     assert generalized_strains[2] == pytest.approx(-1 / (radius - half - axis), rel=1e-14)
 
 
-def test_straight_strand_is_no_special_case() -> None:
+def test_straight_strand_has_no_imposed_curvature() -> None:
     offset, directions, _ = BentPlanes(lambda t: 0.0, 0.1).at(0.0)
     assert not offset.any()
     assert directions[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
 
 
-def test_impossible_curvatures_are_refused() -> None:
+def test_impossible_curvatures_are_rejected() -> None:
     with pytest.raises(InputError, match="radius of curvature"):
         BentPlanes(lambda t: 20.0, 0.1).at(0.0)
 
 
-def test_bending_a_slab_about_its_own_neutral_axis() -> None:
-    """Free of axial force, the neutral axis of an elastic strand is its middle; M = E I / R."""
+def test_elastic_strand_bends_about_its_neutral_axis() -> None:
+    """Without axial force the neutral axis is at mid-thickness, and M = E I / R."""
     half, radius = 0.05, 10.0
     mesh = mapped(1, 4, box(0.1, 2 * half, 0.0, -half), groups=("symmetry_x", *FREE[1:]))
     planes = BentPlanes(lambda t: min(t, 1.0) / radius, half, test_direction="axial")
-    setup = SliceSetup(mesh, elastic(E), given={"planes": planes})
+    setup = SliceSetup(mesh, elastic(E), settings={"planes": planes})
     for time in (0.25, 0.5, 1.0):
         result = setup.step(time)
     a0, a2 = setup.state.generalized_strains[[0, 2]]
@@ -82,9 +82,9 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     assert result.balance.axial == pytest.approx(
         [0.0, 0.5 * 0.1 * 0.0, E * inertia * a2], rel=1e-10, abs=1e-3
     )
-    # With a pull F the axis moves by F / (E A) / a2 away from the middle.
+    # An axial force F shifts the axis by F / (E A) / a2 from mid-thickness.
     planes = BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t, test_direction="axial")
-    pulled = SliceSetup(mesh, elastic(E), given={"planes": planes})
+    pulled = SliceSetup(mesh, elastic(E), settings={"planes": planes})
     balance = pulled.step(1.0).balance
     assert balance.axial[0] == pytest.approx(1e6, rel=1e-9)
     assert pulled.state.generalized_strains[0] == pytest.approx(
@@ -92,15 +92,15 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     )
 
 
-def test_what_a_strain_across_moves() -> None:
-    """However it is split between nodes and generalized strain, points go where they go."""
+def test_strain_across_moves_the_points() -> None:
+    """The points move equally if the strain is imposed by nodes or as generalized strain."""
     found = []
     for imposed, ends in (({"across": lambda t: 1e-3 * t}, 0.0), ({}, 1e-3)):
         side = PrescribedDisplacement(("top",), 1, lambda p, t, ends=ends: ends * t * p[:, 1])
         setup = SliceSetup(
             mapped(2, 2, box(0.1, 0.1)),
             elastic(E),
-            given={"planes": PlainPlanes(("a0",), imposed), "held": (side,)},
+            settings={"planes": PlainPlanes(("a0",), imposed), "held": (side,)},
         )
         setup.step(1.0)
         found.append(
@@ -110,7 +110,7 @@ def test_what_a_strain_across_moves() -> None:
     assert np.allclose(*found, rtol=1e-9, atol=1e-14)
 
 
-def test_symmetry_leaves_what_it_must() -> None:
+def test_symmetry_determines_the_free_strains() -> None:
     quarter = ("wide_face", "narrow_face", "symmetry_x", "symmetry_y")
     assert allowed_strains(quarter) == ("a0",)
     assert allowed_strains(("wide_face", "symmetry_x")) == ("a0", "a2")
@@ -120,16 +120,16 @@ def test_symmetry_leaves_what_it_must() -> None:
         check_strains(("a0", "a2"), quarter)
 
 
-def test_a_setup_carries_only_the_planes_it_asked_for() -> None:
+def test_setup_has_only_the_requested_planes() -> None:
     mesh = mapped(2, 2, box(0.1, 0.1))
-    fixed = SliceSetup(mesh, given={"planes": PlainPlanes(())})
+    fixed = SliceSetup(mesh, settings={"planes": PlainPlanes(())})
     assert fixed.problem.bordered.scalars == 0
     assert not [f for f in fixed.section.compiled if "column" in f or "corner" in f]
     assert fixed.problem.solver.x.getSize() == fixed.problem.owned
     free = SliceSetup(mesh)
     assert free.problem.solver.x.getSize() == free.problem.owned + 1
     with pytest.raises(InputError, match="symmetry of this section"):
-        SliceSetup(mesh, given={"planes": PlainPlanes(("a0", "a1"))})
+        SliceSetup(mesh, settings={"planes": PlainPlanes(("a0", "a1"))})
 
 
 def test_names_of_generalized_strains_are_checked() -> None:
@@ -147,7 +147,7 @@ def extrados(middle: float) -> float:
 
 
 def curvature(time: float) -> float:
-    """Bent from 1 to 2 s, held to 5 s, straight again at 7 s."""
+    """Return the curvature: bent from 1 to 2 s, constant to 5 s, straight again at 7 s."""
     return extrados(MIDDLE * float(np.interp(time, [1.0, 2.0, 5.0, 7.0], [0.0, 1.0, 1.0, 0.0])))
 
 
@@ -157,12 +157,12 @@ def planes(bending: float, straightening: float) -> BentPlanes:
     return BentPlanes(curvature, HALF, neutral_axis=axis)
 
 
-def thickness_of(of: BentPlanes, time: float, y: float) -> float:
-    return thickness(of.at(time)[0], y)
+def thickness_of(strand: BentPlanes, time: float, y: float) -> float:
+    return thickness(strand.at(time)[0], y)
 
 
-def test_the_slab_of_the_thesis_is_stretched_by_almost_three_per_cent() -> None:
-    """E of the extrados on the arc, (1 + kH)/(1 - kH), all over the section when it is straight."""
+def test_slab_of_the_thesis_is_stretched_by_three_per_cent() -> None:
+    """The stretch is (1 + kH)/(1 - kH): of one face on the arc, of all when straight again."""
     strand = planes(HALF, -HALF)
     for time in (0.0, 1.0, 1.5, 2.0, 3.0, 5.0):
         assert thickness_of(strand, time, HALF) == pytest.approx(1.0, abs=1e-15)
@@ -174,22 +174,22 @@ def test_the_slab_of_the_thesis_is_stretched_by_almost_three_per_cent() -> None:
     assert stretched == pytest.approx(1.028, abs=5e-4)
 
 
-def test_it_never_jumps() -> None:
+def test_thickness_is_continuous_in_time() -> None:
     strand = planes(HALF, -HALF)
     times = np.linspace(0.0, 8.0, 8001)
     for y in (-HALF, 0.05, HALF):
-        course = np.array([thickness_of(strand, float(t), y) for t in times])
-        assert np.abs(np.diff(course)).max() < 2.0 * 1e-3 * MIDDLE * 2.0 * HALF
+        history = np.array([thickness_of(strand, float(t), y) for t in times])
+        assert np.abs(np.diff(history)).max() < 2.0 * 1e-3 * MIDDLE * 2.0 * HALF
 
 
-def test_one_place_is_the_axis_as_ever() -> None:
-    one, other = planes(0.02, 0.02), BentPlanes(curvature, HALF, neutral_axis=0.02)
+def test_equal_axes_are_a_constant_axis() -> None:
+    alternating, constant = planes(0.02, 0.02), BentPlanes(curvature, HALF, neutral_axis=0.02)
     for time in (0.0, 1.3, 3.0, 6.1, 9.0):
-        assert one.at(time)[0] == pytest.approx(other.at(time)[0], abs=1e-15)
-    assert one.free == ()
+        assert alternating.at(time)[0] == pytest.approx(constant.at(time)[0], abs=1e-15)
+    assert alternating.free == ()
 
 
-# A strand that is bent and straightened: what rolls conserve, and who pays for the work.
+# A strand that is bent and straightened: the conserved force, and the work of the drives.
 #
 # [Pascon2003] (38), (41); the closed forms follow from (N - k M)' = -M k'.
 
@@ -201,22 +201,22 @@ BENT_MIDDLE = 0.2  # 1/m: largest curvature of the middle
 
 
 def bent_extrados(middle: float) -> float:
-    """Curvature of the extrados, 1/m, of that of the middle."""
+    """Return the curvature of the extrados, 1/m, for that of the middle."""
     return middle / (1.0 + middle * BENT_HALF)
 
 
 def arc(time: float) -> float:
-    """Curvature of the extrados: bent from 0 to 1 s, held to 2 s, straight again at 3 s."""
+    """Return the curvature of the extrados: bent in 1 s, constant to 2 s, straight again at 3 s."""
     return bent_extrados(BENT_MIDDLE * max(0.0, min(time, 1.0, 3.0 - time)))
 
 
-def strand(law: object, cells: int = 4, **given: object) -> SliceSetup:
-    """Half a strand whose faces are free."""
+def strand(law: object, cells: int = 4, **settings: object) -> SliceSetup:
+    """Set up half a strand with free faces."""
     mesh = mapped(
         1, cells, box(WIDTH, 2 * BENT_HALF, 0.0, -BENT_HALF), groups=("symmetry_x", "b", "r", "t")
     )
-    planes = BentPlanes(arc, BENT_HALF, **given.pop("planes", {}))  # type: ignore[arg-type]
-    return SliceSetup(mesh, law, given={"planes": planes}, **given)  # type: ignore[arg-type]
+    planes = BentPlanes(arc, BENT_HALF, **settings.pop("planes", {}))  # type: ignore[arg-type]
+    return SliceSetup(mesh, law, settings={"planes": planes}, **settings)  # type: ignore[arg-type]
 
 
 def run(setup: SliceSetup, steps: int, end: float = 3.0) -> None:
@@ -225,12 +225,12 @@ def run(setup: SliceSetup, steps: int, end: float = 3.0) -> None:
 
 
 def forces(setup: SliceSetup) -> tuple[float, float]:
-    """N and M of the last step."""
+    """Return N and M of the last step."""
     balance = setup.results[-1].balance
     return float(balance.axial[0]), float(balance.axial[2])
 
 
-def test_an_elastic_strand_is_shortened_by_bending() -> None:
+def test_bending_shortens_an_elastic_strand() -> None:
     """EA da0 + EI d(k^2 (1 + a0)) = EI k (1 + a0) dk, so 1 + a0 = 1 / sqrt(1 + k^2 I / A)."""
     exact = (1.0 + BENT_MIDDLE**2 * INERTIA / AREA) ** -0.5 - 1.0
     errors = []
@@ -239,7 +239,7 @@ def test_an_elastic_strand_is_shortened_by_bending() -> None:
         run(setup, steps, end=1.0)
         errors.append(setup.state.generalized_strains[0] / exact - 1.0)
         force, moment = forces(setup)
-        # The work of bending, to second order E I k^2 / 2, is what N - k M has grown by.
+        # N - k M has grown by the work of bending, to second order E I k^2 / 2.
         bending = setup.state.bending
         assert force - BENT_MIDDLE * moment == pytest.approx(-bending.work, rel=1e-9)
         assert -bending.work == pytest.approx(0.5 * YOUNG * INERTIA * BENT_MIDDLE**2, rel=1e-4)
@@ -247,8 +247,8 @@ def test_an_elastic_strand_is_shortened_by_bending() -> None:
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 
-def test_an_elastic_strand_comes_back_straight() -> None:
-    """As it was: no force, no moment, no work, whatever the steps."""
+def test_elastic_strand_straightens_without_residue() -> None:
+    """Force, moment, strain and work return to 0 for any steps."""
     setup = strand(elastic(YOUNG))
     run(setup, 4)
     force, moment = forces(setup)
@@ -260,8 +260,8 @@ def test_an_elastic_strand_comes_back_straight() -> None:
 
 
 @pytest.mark.parametrize("pull", [0.0, 3e5])
-def test_rolls_conserve_what_they_do_not_bend(pull: float) -> None:
-    """On the arc N - k M stays while cooling changes M; what is pulled besides adds to it."""
+def test_rolls_conserve_force_at_constant_curvature(pull: float) -> None:
+    """On the arc N - k M is constant while cooling changes M; an applied pull adds to it."""
     setup = strand(elastic(YOUNG), thermal=expansion(1e-5), planes={"force": lambda t: pull})
     run(setup, 4, end=1.0)
     force, moment = forces(setup)
@@ -273,17 +273,17 @@ def test_rolls_conserve_what_they_do_not_bend(pull: float) -> None:
     assert before - pull == pytest.approx(-setup.state.bending.work, rel=1e-8)
 
 
-def test_the_axial_test_direction_is_that_of_the_thesis() -> None:
-    """(38) alone: N = F, whatever is bent."""
+def test_axial_test_direction_is_that_of_the_thesis() -> None:
+    """(38) only: N = F, also in bending."""
     setup = strand(elastic(YOUNG), planes={"test_direction": "axial", "force": lambda t: 3e5})
     run(setup, 4, end=1.0)
     assert forces(setup)[0] == pytest.approx(3e5, rel=1e-9)
 
 
-def test_work_in_the_force_is_not_taken_twice() -> None:
-    """A measured effort is that of N - k M as it stands."""
-    given = {"force": lambda t: 3e5, "contains_work": True}
-    setup = strand(elastic(YOUNG), planes=given)
+def test_work_contained_in_the_force_is_not_added() -> None:
+    """A measured pull equals N - k M including the work of bending."""
+    settings = {"force": lambda t: 3e5, "contains_work": True}
+    setup = strand(elastic(YOUNG), planes=settings)
     run(setup, 4, end=1.0)
     force, moment = forces(setup)
     assert force - BENT_MIDDLE * moment == pytest.approx(3e5, rel=1e-9)
@@ -294,7 +294,7 @@ def plastic() -> PerfectlyPlastic:
 
 
 def energies(setup: SliceSetup) -> tuple[float, float]:
-    """Work of the drives and energy that the strand has taken, J per m of undeformed strand."""
+    """Return the work of the drives and the energy absorbed, J per m of undeformed strand."""
     volume = setup.problem.points.deviator.volume
     flowed = sum(float(volume @ result.dissipation) for result in setup.results)
     stress = setup.stress
@@ -305,29 +305,29 @@ def energies(setup: SliceSetup) -> tuple[float, float]:
     return drawn, flowed + float(volume @ stored)
 
 
-def test_a_plastic_strand_takes_its_work_from_the_drives() -> None:
-    """What N - k M has grown by, per metre of strand, is dissipated or stored.
+def test_plastic_strand_absorbs_the_work_of_the_drives() -> None:
+    """The growth of N - k M, per metre of strand, is dissipated or stored.
 
-    The rest is that of the steps, of second order.
+    The difference is the error of the time steps, of second order.
     """
     errors = []
     for steps in (20, 40):
         setup = strand(plastic(), cells=8)
         run(setup, steps)
-        drawn, taken = energies(setup)
+        drawn, absorbed = energies(setup)
         assert drawn > 0.0
-        errors.append(taken / drawn - 1.0)
+        errors.append(absorbed / drawn - 1.0)
     assert abs(errors[1]) < 1e-3
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.15)
-    # Nothing of it is seen by N = F.
+    # With N = F the drives do no work.
     axial = strand(plastic(), cells=8, planes={"test_direction": "axial"})
     run(axial, 20)
-    drawn, taken = energies(axial)
-    assert abs(drawn) < 1e-6 * taken
+    drawn, absorbed = energies(axial)
+    assert abs(drawn) < 1e-6 * absorbed
 
 
-def test_the_neutral_axis_is_where_the_thickness_stays() -> None:
-    """The drives pull: from the middle towards the intrados in bending, back in straightening."""
+def test_neutral_axis_is_where_the_thickness_is_constant() -> None:
+    """The pull shifts the axis towards the intrados in bending, to the other side afterwards."""
     setup = strand(plastic(), cells=8, planes={"force": lambda t: 0.1 * YIELD * AREA})
     run(setup, 20, end=1.0)
     bent = setup.state.bending.axis

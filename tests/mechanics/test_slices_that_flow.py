@@ -1,4 +1,4 @@
-"""Slices that flow, turn, relax and cannot be compressed: closed forms and energy."""
+"""Slices that flow, rotate, relax and are incompressible: closed forms and energy."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ CELLS = ["quadrilateral", "triangle"]
 YOUNG = 20e9
 
 
-def test_relaxation_of_a_held_slice() -> None:
-    """Norton: s0 = 15 MPa, n = 5, A = 1e-9 MPa^-n/s; what it loses elastically it dissipates."""
+def test_slice_at_constant_strain_relaxes_as_norton() -> None:
+    """With s0 = 15 MPa, n = 5, A = 1e-9 MPa^-n/s; the elastic energy lost is dissipated."""
     law = NortonCreep.constant(Elasticity.constant(YOUNG, 0.3), 1e-9, 1e6, 5.0)
     strain = 15e6 / YOUNG
     mesh = mapped(2, 2, skewed(0.02, 0.01))
     setup = SliceSetup(
-        mesh, law, given={"planes": PlainPlanes((), {"a0": lambda t: strain if t > 0 else 0.0})}
+        mesh, law, settings={"planes": PlainPlanes((), {"a0": lambda t: strain if t > 0 else 0.0})}
     )
     times = np.concatenate([[1e-9], np.geomspace(1e-3, 1e3, 481)])
     volume = setup.problem.points.deviator.volume
@@ -48,7 +48,7 @@ def test_relaxation_of_a_held_slice() -> None:
 
 
 @pytest.mark.parametrize("cell", CELLS)
-def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
+def test_work_on_a_compressed_slice_is_stored_or_dissipated(cell: str) -> None:
     """Work of the supports = elastic energy + dissipation, to first order in the step."""
     stiff = Elasticity.constant(YOUNG, 0.3)
     gaps = []
@@ -56,7 +56,7 @@ def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
         setup = SliceSetup(
             mapped(4, 4, box(0.02, 0.02), cell, groups=FREE),
             NortonCreep.constant(stiff, 1e-4, 2e7, 4.0),
-            given={
+            settings={
                 "planes": PlainPlanes(()),
                 "held": (
                     *(PrescribedDisplacement(("bottom",), i) for i in range(2)),
@@ -92,14 +92,14 @@ def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
 
 @pytest.mark.parametrize("cell", CELLS)
 def test_nearly_incompressible_tube_does_not_lock(cell: str) -> None:
-    """Lame's tube of few cells: the error of the bore's widening does not grow with nu."""
+    """With few cells the error of the widening of the bore does not grow with nu."""
     a, b, pressure = 0.02, 0.04, 1e7
     errors = {}
     for poisson in (0.3, 0.49, 0.4999):
         setup = SliceSetup(
             mapped(3, 4, ring(a, b), cell, 2, RING_GROUPS),
             elastic(YOUNG, poisson),
-            given={
+            settings={
                 "planes": PlainPlanes(()),
                 "loads": (SurfacePressure(("inner",), lambda t: pressure),),
             },
@@ -109,14 +109,14 @@ def test_nearly_incompressible_tube_does_not_lock(cell: str) -> None:
         exact = (1 + poisson) / YOUNG * level * ((1 - 2 * poisson) * a + b**2 / a)
         found = setup.displacement(lambda x, y: np.isclose(x, a) & np.isclose(y, 0.0))[0, 0]
         errors[poisson] = abs(found / exact - 1)
-        # Neither does the pressure inside oscillate from point to point.
+        # The mean stress does not oscillate from point to point either.
         mean = setup.stress[:, :3].mean(axis=1)
         assert mean == pytest.approx(2 * (1 + poisson) / 3 * level, rel=0.2)
     assert errors[0.4999] < 3 * errors[0.3] + 2e-3
 
 
 def held_by(gradient: Any) -> tuple[PrescribedDisplacement, ...]:
-    """The whole boundary follows a deformation gradient over time."""
+    """Return supports that move the complete boundary by a deformation gradient over time."""
     return tuple(
         PrescribedDisplacement(FREE, i, lambda p, t, i=i: p @ (gradient(t) - np.eye(2))[i])  # type: ignore[misc]
         for i in range(2)
@@ -124,13 +124,13 @@ def held_by(gradient: Any) -> tuple[PrescribedDisplacement, ...]:
 
 
 @pytest.mark.parametrize("flows", ["creep", "plastic", "signed"])
-def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
-    """Stretched, then turned by 120 degrees while it goes on being stretched along its own axes."""
+def test_rotating_block_flows_as_one_at_rest(flows: str) -> None:
+    """The block rotates by 120 degrees while it is stretched along its own axes."""
     stiff = Elasticity.constant(YOUNG, 0.3)
     law: Any = NortonCreep.constant(stiff, 1e-3, 2e7, 5.0)
     if flows == "plastic":
         law = PerfectlyPlastic(stiff, Constant(2e7))
-    elif flows == "signed":  # its back stress must turn with the block
+    elif flows == "signed":  # the back stress must rotate with the block
         law = UnifiedSteel(stiff, 0.1, np.zeros_like, hardening="signed")
     final = np.radians(120.0)
 
@@ -143,7 +143,7 @@ def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
     def end(angle: float, steps: int) -> tuple[Array, Array]:
         setup = SliceSetup(
             mapped(2, 2, box(0.1, 0.07), groups=FREE), law, extrapolate=False,
-            given={
+            settings={
                 "held": held_by(lambda t: turn(angle * t) @ stretched(t)),
                 "planes": PlainPlanes(()), "pin": False, "large_strain": True,
             },
@@ -154,18 +154,18 @@ def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
 
     gaps = []
     for steps in (10, 20, 40):
-        (rest, flow), (moved, other) = end(0.0, steps), end(final, steps)
+        (rest, flow), (moved, moved_flow) = end(0.0, steps), end(final, steps)
         gaps.append(np.abs(moved - rest @ rotation(final).T).max() / np.abs(rest).max())
         assert flow.max() > 5e-3
-    # The strain of a step is that of its middle: second order.
+    # Second order: the strain of a step is evaluated at its middle.
     assert gaps[-1] < 1e-3
-    assert other == pytest.approx(flow, rel=1e-3)
+    assert moved_flow == pytest.approx(flow, rel=1e-3)
     assert np.log2(gaps[:-1]) - np.log2(gaps[1:]) == pytest.approx([2.0, 2.0], abs=0.2)
 
 
 @pytest.mark.parametrize("imposed", [True, False])
-def test_bending_about_the_other_axis(imposed: bool) -> None:
-    """A1 and the moment with x, as a2 and the moment with y (test_closed_forms): exact."""
+def test_bending_about_the_y_axis_is_exact(imposed: bool) -> None:
+    """As test_bar_bending_is_exact, for a1 and the moment with x."""
     width, height, k = 0.06, 0.04, 0.05
     inertia = height * width**3 / 12
     if imposed:
@@ -173,7 +173,7 @@ def test_bending_about_the_other_axis(imposed: bool) -> None:
     else:
         planes = PlainPlanes(("a0", "a1", "a2"), moment_x=lambda t: YOUNG * inertia * k)
     mesh = mapped(4, 2, box(width, height, -width / 2, -height / 2), groups=FREE)
-    setup = SliceSetup(mesh, elastic(YOUNG, 0.3), given={"planes": planes})
+    setup = SliceSetup(mesh, elastic(YOUNG, 0.3), settings={"planes": planes})
     balance = setup.step(1.0).balance
     assert setup.state.generalized_strains == pytest.approx([0.0, k, 0.0, 0.0], abs=1e-13)
     largest = YOUNG * k * width / 2
@@ -182,18 +182,18 @@ def test_bending_about_the_other_axis(imposed: bool) -> None:
     assert balance.axial == pytest.approx([0.0, YOUNG * inertia * k, 0.0], rel=1e-10, abs=1e-6)
 
 
-def test_elongation_imposed_over_time_and_fixed() -> None:
-    """A0 over time: the axial force follows it; fixed, nothing moves and the force is E alpha."""
+def test_imposed_elongation_gives_the_axial_force() -> None:
+    """The force follows an imposed a0 over time; at a0 = 0 it is -E A alpha dT."""
     area, alpha = 1e-4, 1e-5
     history = np.array([0.0, 1e-4, 3e-4, -2e-4])
     planes = PlainPlanes((), {"a0": lambda t: float(np.interp(t, range(4), history))})
-    setup = SliceSetup(mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), given={"planes": planes})
+    setup = SliceSetup(mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), settings={"planes": planes})
     for time in (1.0, 2.0, 3.0):
         balance = setup.step(time).balance
         assert balance.axial[0] == pytest.approx(YOUNG * history[int(time)] * area, rel=1e-10)
     fixed = SliceSetup(
         mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), lambda T: alpha * T,
-        given={"planes": PlainPlanes(())},
+        settings={"planes": PlainPlanes(())},
     )  # fmt: skip
     balance = fixed.step(1.0, 100.0).balance
     assert balance.axial[0] == pytest.approx(-YOUNG * alpha * 100.0 * area, rel=1e-10)
@@ -215,8 +215,8 @@ GETTERS: dict[str, tuple[Any, Any]] = {
 
 @pytest.mark.parametrize("free", [True, False])
 @pytest.mark.parametrize("name", list(GETTERS))
-def test_each_option_arrives(name: str, free: bool) -> None:
-    """At SNES or at the solver of the displacement block, with and without free motions."""
+def test_each_option_reaches_petsc(name: str, free: bool) -> None:
+    """Options of SNES or of the solver of the displacement block, with and without free strains."""
     value, getter = GETTERS[name]
     options: dict[str, Any] = {name: value}
     if name.startswith("ksp_"):
@@ -224,7 +224,7 @@ def test_each_option_arrives(name: str, free: bool) -> None:
     planes = PlainPlanes(("a0",) if free else ())
     setup = SliceSetup(
         mapped(2, 2, box(0.1, 0.1)), thermal=lambda T: 1e-5 * T, options=options,
-        given={"planes": planes},
+        settings={"planes": planes},
     )  # fmt: skip
     setup.step(1.0, lambda x, y: 100 * x)
     bordered, snes = setup.problem.bordered, setup.problem.solver.snes
@@ -232,11 +232,11 @@ def test_each_option_arrives(name: str, free: bool) -> None:
     assert found == value
 
 
-def test_direct_solver_by_default() -> None:
-    """PETSc's own on one rank, else MUMPS: Cholesky for small strain, LU for large."""
+def test_default_solver_is_direct() -> None:
+    """PETSc's LU on one rank; else MUMPS: Cholesky for small strain, LU for large."""
     own = has_minimum_degree()
     for large, kind in ((False, "lu" if own else "cholesky"), (True, "lu")):
-        setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), given={"large_strain": large})
+        setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), settings={"large_strain": large})
         setup.step(1.0)
         ksp = setup.problem.bordered.ksp
         assert (ksp.getType(), ksp.getPC().getType()) == ("preonly", kind)

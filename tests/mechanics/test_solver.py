@@ -1,4 +1,4 @@
-"""The solver: options, units, line search, failures, and what is called how often."""
+"""The solver: options, units, line search, failures and the number of evaluations."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def uneven(x: Array, y: Array) -> Array:
     return np.asarray(-300.0 * (x / 0.1) ** 2 - 100.0 * (y / 0.1))
 
 
-def cooled(**given: Any) -> SliceSetup:
-    """A quarter that cools unevenly and creeps."""
-    law = given.pop("law", CREEP)
-    return SliceSetup(mapped(4, 4, box(0.1, 0.1)), law, expansion(2e-5), **given)
+def cooled(**settings: Any) -> SliceSetup:
+    """Set up a quarter that cools nonuniformly and creeps."""
+    law = settings.pop("law", CREEP)
+    return SliceSetup(mapped(4, 4, box(0.1, 0.1)), law, expansion(2e-5), **settings)
 
 
 def test_options_reach_snes() -> None:
@@ -57,11 +57,11 @@ def test_options_reach_snes() -> None:
     ],
 )
 def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, free: bool) -> None:
-    """They go to the solver of the displacement block, with free motions of the planes or not."""
+    """They reach the solver of the displacement block, with and without free strains."""
     planes = PlainPlanes(("a0",) if free else ())
-    reference = cooled(given={"planes": planes})
+    reference = cooled(settings={"planes": planes})
     reference.step(1.0, uneven)
-    setup = cooled(options=options, given={"planes": planes})
+    setup = cooled(options=options, settings={"planes": planes})
     setup.step(1.0, uneven)
     ksp = setup.problem.bordered.ksp
     assert ksp.getType() == kind
@@ -75,13 +75,13 @@ def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, fre
 
 
 @pytest.mark.parametrize("free", [True, False])
-def test_options_of_one_problem_do_not_reach_the_next(free: bool) -> None:
-    """With both alive at once, each has its own where it factors."""
+def test_options_of_two_problems_are_separate(free: bool) -> None:
+    """Two problems that exist at once each factorise with their own options."""
     planes = PlainPlanes(("a0",) if free else ())
     setups = {
         share: cooled(
             options={"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": share},
-            given={"planes": planes},
+            settings={"planes": planes},
         )
         for share in (77, 33)
     }
@@ -93,32 +93,32 @@ def test_options_of_one_problem_do_not_reach_the_next(free: bool) -> None:
 
 
 @pytest.mark.parametrize("free", [True, False])
-def test_options_that_are_refused_leave_nothing_behind(free: bool) -> None:
+def test_rejected_options_have_no_after_effect(free: bool) -> None:
     planes = PlainPlanes(("a0",) if free else ())
     for wrong in ("snes_type", "ksp_type"):
         with pytest.raises(InputError, match=f'mechanical solver, {wrong} = "bogus"'):
-            cooled(options={"mat_mumps_icntl_14": 77, wrong: "bogus"}, given={"planes": planes})
+            cooled(options={"mat_mumps_icntl_14": 77, wrong: "bogus"}, settings={"planes": planes})
         assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
 
 
 @pytest.mark.parametrize("free", [True, False])
-def test_misspelt_options_are_told(free: bool, told: pytest.LogCaptureFixture) -> None:
+def test_misspelt_options_are_reported(free: bool, told: pytest.LogCaptureFixture) -> None:
     options = {"snes_maxit": 1, "pc_typ": "lu", "snes_max_it": 20}
-    setup = cooled(options=options, given={"planes": PlainPlanes(("a0",) if free else ())})
+    setup = cooled(options=options, settings={"planes": PlainPlanes(("a0",) if free else ())})
     setup.step(1.0, uneven)
     setup.step(2.0, lambda x, y: 2 * uneven(x, y))
     first, second = sorted(record.getMessage() for record in told.records)
     assert 'pc_typ = "lu"' in first and 'snes_maxit = "1"' in second
 
 
-def test_line_search_of_the_user() -> None:
+def test_line_search_of_the_user_replaces_ours() -> None:
     setup = cooled(options={"snes_linesearch_type": "bt"})
     assert setup.problem.solver._shorten is None
     setup.step(1.0, uneven)
     assert cooled().problem.solver._shorten is not None
 
 
-def test_unknown_options_are_refused() -> None:
+def test_unknown_options_are_rejected() -> None:
     with pytest.raises(InputError, match="linear_solver"):
         cooled(options={"linear_solver": "mumps"})
 
@@ -126,8 +126,8 @@ def test_unknown_options_are_refused() -> None:
 @pytest.mark.parametrize(
     ("length", "stress"), [(1e3, 1e-6), (1.0, 1e-9), (1e3, 1.0)], ids=["mm MPa", "m GPa", "mm Pa"]
 )
-def test_units_do_not_matter(length: float, stress: float) -> None:
-    """The same block in other units takes the same iterations to the same relative residuals."""
+def test_iterations_are_independent_of_units(length: float, stress: float) -> None:
+    """The same block in other units has the same iterations and relative residuals."""
 
     def solved(length: float, stress: float) -> SliceSetup:
         law = PerfectlyPlastic(Elasticity.constant(20e9 * stress, 0.3), Constant(2e7 * stress))
@@ -135,7 +135,7 @@ def test_units_do_not_matter(length: float, stress: float) -> None:
             mapped(4, 4, box(0.1 * length, 0.1 * length)),
             law,
             lambda T: 2e-5 * T,
-            given={"planes": PlainPlanes(force=lambda t: 1e4 * stress * length**2 * t)},
+            settings={"planes": PlainPlanes(force=lambda t: 1e4 * stress * length**2 * t)},
         )
         for time in (1.0, 2.0):
             setup.step(time, lambda x, y, t=time: t * uneven(x / length, y / length))
@@ -154,7 +154,7 @@ def test_units_do_not_matter(length: float, stress: float) -> None:
         one.state.displacement).max()).max() < 1e-7  # fmt: skip
 
 
-def test_failure_leaves_the_committed_state() -> None:
+def test_failed_step_keeps_the_committed_state() -> None:
     setup = cooled(options={"snes_max_it": 2})
     start = setup.state
     kept = {f.name: np.copy(getattr(start, f.name)) for f in fields(start)}
@@ -164,7 +164,7 @@ def test_failure_leaves_the_committed_state() -> None:
     assert result.balance is None
     for name, value in kept.items():
         assert np.array_equal(getattr(start, name), value)
-    # A smaller step from there goes on as if nothing had happened.
+    # A smaller step then gives the result of a problem without the failed step.
     again = cooled(options={"snes_max_it": 2})
     setup.step(1e-3, lambda x, y: 1e-3 * uneven(x, y))
     again.step(1e-3, lambda x, y: 1e-3 * uneven(x, y))
@@ -182,7 +182,7 @@ def test_committed_states_share_no_memory() -> None:
 
 
 class Counting:
-    """A law that notes the strain increments it was asked for."""
+    """A law that records the strain increments of its calls."""
 
     def __init__(self, law: Any) -> None:
         self.law, self.seen = law, []
@@ -195,7 +195,7 @@ class Counting:
         return self.law.integrate(step, *args, **kwargs)
 
 
-def test_the_law_is_integrated_once_for_each_iterate() -> None:
+def test_law_is_integrated_once_per_iterate() -> None:
     law = Counting(CREEP)
     setup = cooled(law=law)
     result = setup.step(1.0, uneven)
@@ -206,14 +206,13 @@ def test_the_law_is_integrated_once_for_each_iterate() -> None:
         assert not any(np.array_equal(one, other) for other in law.seen[:i])
 
 
-def test_zero_load() -> None:
-    """Nothing happens, in no iterations; the same with a step after a loaded one."""
+def test_zero_load_needs_no_iterations() -> None:
     setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)))
     assert setup.step(1.0).newton == 0
     assert not setup.state.displacement.any() and not setup.state.stress.any()
 
 
-def test_unloading_to_nothing() -> None:
+def test_unloading_to_zero_removes_the_stress() -> None:
     setup = SliceSetup(mapped(3, 3, box(0.1, 0.1)), elastic(), expansion(1e-5))
     setup.step(1.0, uneven)
     largest = np.abs(setup.stress).max()
@@ -221,13 +220,12 @@ def test_unloading_to_nothing() -> None:
     assert np.abs(setup.stress).max() < 1e-8 * largest
 
 
-def test_moving_supports() -> None:
-    """A large prescribed displacement in one step: tangent and supports move together."""
+def test_large_prescribed_displacement_converges() -> None:
     law = PerfectlyPlastic(Elasticity.constant(20e9, 0.3), Constant(2e7))
     setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.05)),
         law,
-        given={
+        settings={
             "held": (PrescribedDisplacement(("right",), 0, lambda p, t: np.full(len(p), 1e-2 * t)),)
         },
     )
@@ -238,8 +236,8 @@ def test_moving_supports() -> None:
     assert result.balance.forces_error < 1e-8
 
 
-def test_collapse_of_a_tube_is_reached_and_not_passed() -> None:
-    """Perfect plasticity: the limit pressure 2 k ln(b/a) of plane strain, from both sides."""
+def test_limit_load_of_a_tube_is_reached_and_not_exceeded() -> None:
+    """Perfect plasticity in plane strain: the limit pressure is 2 k ln(b/a)."""
     flow, a, b = 2e7, 0.02, 0.04
     limit = 2 / np.sqrt(3) * flow * np.log(b / a)
     law = PerfectlyPlastic(Elasticity.constant(20e9, 0.3), Constant(flow))
@@ -251,46 +249,46 @@ def test_collapse_of_a_tube_is_reached_and_not_passed() -> None:
     assert "DIVERGED" in beyond.reason
 
 
-def test_a_correction_beyond_the_section_ends_a_solve_at_large_strain() -> None:
-    """A tube without stiffness against its pressure: Newton's way leads out of all proportion."""
+def test_correction_larger_than_the_section_ends_the_solve() -> None:
+    """Large strain only: in a tube too soft for its pressure Newton's corrections are excessive."""
     ends = []
     for large in (True, False):
         law, pressure = elastic(1e3, 0.3), lambda t: 500.0 * t
         setup = pressed_tube((4, 4), (0.02, 0.04), law, pressure, large_strain=large)
         problem = setup.problem
-        assert problem.farthest == np.inf  # equations that are solved as they are written
+        assert problem.farthest == np.inf  # no limit without a stepper
         MechanicalStepper(problem)
         assert problem.farthest == (1.0 if large else np.inf)
         ends.append(setup.stepper.step(setup.state, 1.0, setup.state.temperature))
-    astray, linear = ends
-    assert not astray.converged and "DIVERGED_LINE_SEARCH" in astray.reason
+    diverged, linear = ends
+    assert not diverged.converged and "DIVERGED_LINE_SEARCH" in diverged.reason
     assert linear.converged and linear.newton == 1
 
 
-def test_line_search_takes_full_steps_where_they_are_good() -> None:
+def test_line_search_accepts_good_full_steps() -> None:
     assert step_share(1.0, lambda share: 1.0 - share) == 1.0
     assert step_share(-1.0, lambda share: 5.0) == 1.0
 
 
 @pytest.mark.parametrize("root", [0.6, 0.1, 3e-3, 1e-6])
-def test_line_search_finds_the_turn(root: float) -> None:
-    """A force that saturates on both sides, as in perfect plasticity."""
-    asked = []
+def test_line_search_finds_the_zero_of_the_work(root: float) -> None:
+    """The force saturates on both sides, as in perfect plasticity."""
+    tried = []
 
     def work(share: float) -> float:
-        asked.append(share)
+        tried.append(share)
         return float(np.clip((root - share) / root, -1.0, 1.0) if share > 0 else 1.0)
 
     share = step_share(1.0, work)
     assert abs(work(share)) <= 0.3
-    assert asked[-2] == share
-    assert len(asked) < 25
+    assert tried[-2] == share
+    assert len(tried) < 25
 
 
 @pytest.mark.parametrize("reach", [0.9, 0.09, 1e-3])
 @pytest.mark.parametrize("beyond", [np.nan, np.inf, -np.inf])
-def test_line_search_comes_back_from_where_nothing_can_be_told(reach: float, beyond: float) -> None:
-    """Work falls to zero at half of what can be evaluated: a step that overflows is too long."""
+def test_line_search_returns_from_invalid_residuals(reach: float, beyond: float) -> None:
+    """The work is 0 at half of the longest step that can be evaluated; longer ones overflow."""
     root = 0.5 * reach
 
     def work(share: float) -> float:
@@ -301,8 +299,8 @@ def test_line_search_comes_back_from_where_nothing_can_be_told(reach: float, bey
     assert abs(work(share)) <= 0.06
 
 
-class NothingActs:
-    """Stands for the interactions of a slice on which nothing acts."""
+class NoInteractions:
+    """Stand-in for the interactions of a slice without any."""
 
     def evaluated(self) -> tuple[object, ...]:
         return ()
@@ -311,26 +309,26 @@ class NothingActs:
         return 0.0
 
 
-@pytest.mark.parametrize(("imbalance", "whole"), [(2e-8, True), (1e-5, False)])
-def test_line_search_by_size_where_work_is_rounding(imbalance: float, whole: bool) -> None:
-    """A step that leaves half of almost nothing is taken, whatever the sign of its work."""
+@pytest.mark.parametrize(("imbalance", "full"), [(2e-8, True), (1e-5, False)])
+def test_line_search_uses_the_norm_below_rounding(imbalance: float, full: bool) -> None:
+    """A step that halves an almost zero residual is accepted for any sign of its work."""
 
     def residual(local: Array) -> Array:
         return np.array([1.0, 0.0]) if local[0] == 0.0 else np.array([-0.5, 0.0])
 
-    search = LineSearch(MPI.COMM_SELF, NothingActs(), residual)  # type: ignore[arg-type]
+    search = LineSearch(MPI.COMM_SELF, NoInteractions(), residual)  # type: ignore[arg-type]
     share = search.share(np.zeros(2), np.array([1.0, 0.0]), 0, imbalance)
-    assert (share == 1.0) == whole
+    assert (share == 1.0) == full
 
 
-def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_guess_without_valid_residual_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
     setup = cooled()
-    own, guessed = setup.problem._residual, iter([np.ones(1), np.full(1, np.nan)])
+    original, guessed = setup.problem._residual, iter([np.ones(1), np.full(1, np.nan)])
 
     def residual(local: Array) -> Array:
-        """Those of the two guesses, then those of the problem."""
+        """Return the residuals set for the two guesses, then those of the problem."""
         found = next(guessed, None)
-        return own(local) if found is None else found
+        return original(local) if found is None else found
 
     monkeypatch.setattr(setup.problem, "_residual", residual)
     setup.problem.begin(setup.state, 1.0, setup.field(uneven))
@@ -339,7 +337,7 @@ def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize(
-    "given",
+    "settings",
     [
         {"held": (PrescribedDisplacement(("lid",), 0),)},
         {"loads": (SurfacePressure(("right", "lid"), lambda t: 1.0),)},
@@ -350,6 +348,6 @@ def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.Monke
         },
     ],
 )
-def test_wrong_groups_are_named(given: dict[str, Any]) -> None:
+def test_unknown_boundary_groups_are_rejected(settings: dict[str, Any]) -> None:
     with pytest.raises(InputError, match='"lid": no such boundary group; there are symmetry_x'):
-        cooled(given=given)
+        cooled(settings=settings)

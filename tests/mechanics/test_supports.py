@@ -1,4 +1,4 @@
-"""What holds a section in its plane: as few points as it takes, or springs where a wall is to."""
+"""Supports of a section in its plane: the fewest fixed points, or springs in a mould."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SIDES = ("left", "bottom", "right", "top")
 WIDTH, HEIGHT = 0.1, 0.06
 YOUNG, ALPHA = 200e9, 1e-5
 
-# Sides and what is held on them, with the number of points that are still needed.
+# Fixed components on sides, and the number of fixed points that are still needed.
 HELD = {
     "nothing": ((), 3),
     "x on the left": ((("left", 0),), 1),
@@ -32,9 +32,9 @@ HELD = {
 }
 
 
-def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceSetup:
-    """A rectangle about the origin that expands with its temperature."""
-    options, springs = given.pop("options", {}), given.pop("springs", False)
+def block(*held: tuple[str, int], groups: Any = SIDES, **settings: Any) -> SliceSetup:
+    """Set up a rectangle centred on the origin that expands with its temperature."""
+    options, springs = settings.pop("options", {}), settings.pop("springs", False)
     shape = box(WIDTH, HEIGHT, -0.5 * WIDTH, -0.5 * HEIGHT)
     return SliceSetup(
         mapped(4, 4, shape, groups=groups),
@@ -42,12 +42,15 @@ def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceSet
         expansion(ALPHA),
         options=options,
         springs=SPRING if springs else None,
-        given={"held": tuple(PrescribedDisplacement((side,), i) for side, i in held), **given},
+        settings={
+            "held": tuple(PrescribedDisplacement((side,), i) for side, i in held),
+            **settings,
+        },
     )
 
 
 @pytest.mark.parametrize("name", list(HELD))
-def test_as_few_points_as_it_takes(name: str) -> None:
+def test_fewest_points_are_fixed(name: str) -> None:
     held, points = HELD[name]
     sides, sprung = block(*held), block(*held, springs=True)
     springs = sprung.problem.constraints.springs
@@ -58,7 +61,7 @@ def test_as_few_points_as_it_takes(name: str) -> None:
 
 
 @pytest.mark.parametrize("mirrors", [("x",), ("y",), ("x", "y")])
-def test_lines_of_symmetry_count(mirrors: tuple[str, ...]) -> None:
+def test_lines_of_symmetry_reduce_the_springs(mirrors: tuple[str, ...]) -> None:
     named = {"left": "x", "bottom": "y"}
     groups = [f"symmetry_{named[s]}" if named.get(s) in mirrors else s for s in SIDES]
     springs = block(groups=tuple(groups), springs=True).problem.constraints.springs
@@ -67,15 +70,15 @@ def test_lines_of_symmetry_count(mirrors: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize(("springs", "large"), [(False, True), (True, False)])
 @pytest.mark.parametrize("name", ["nothing", "x on the left", "y on the top"])
-def test_held_sections_expand_freely(name: str, large: bool, springs: bool) -> None:
-    """No stress, no force, no turning: evenly about the middle of what is held."""
+def test_supported_sections_expand_freely(name: str, large: bool, springs: bool) -> None:
+    """Without stress, force or rotation, uniformly about the middle of the fixed side."""
     middle = {"x on the left": (-0.5 * WIDTH, 0.0), "y on the top": (0.0, 0.5 * HEIGHT)}
     setup = block(*HELD[name][0], springs=springs, large_strain=large)
     result = setup.step(1.0, 100.0)
     assert result.newton <= 3
-    whole = YOUNG * ALPHA * 100.0
-    assert np.abs(setup.stress).max() < 1e-7 * whole
-    assert np.abs(result.balance.support).max() < 1e-7 * whole * HEIGHT
+    constrained = YOUNG * ALPHA * 100.0
+    assert np.abs(setup.stress).max() < 1e-7 * constrained
+    assert np.abs(result.balance.support).max() < 1e-7 * constrained * HEIGHT
     places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     expected = (places - middle.get(name, (0.0, 0.0))) * ALPHA * 100.0
     error = np.abs(setup.state.displacement.reshape(-1, 2) - expected).max()
@@ -83,14 +86,14 @@ def test_held_sections_expand_freely(name: str, large: bool, springs: bool) -> N
 
 
 def pushed(force: float) -> SliceSetup:
-    """Half a section that nothing holds along y but its spring, with a force on its top."""
+    """Set up half a section held along y only by its spring, with a force on its top."""
     groups = ("symmetry_x", "bottom", "right", "top")
     load = Traction(("top",), lambda t: (0.0, force / WIDTH))
     return block(groups=groups, springs=True, loads=(load,), planes=PlainPlanes(()))
 
 
 def test_springs_are_weak_and_their_force_is_reported() -> None:
-    """A force moves the section as a body, by itself over the stiffness, step by step."""
+    """In each step a force displaces the section rigidly by the force over the stiffness."""
     stiffness = SPRING * YOUNG
     setup = pushed(1.0)
     for step in (1.0, 2.0):
@@ -98,7 +101,7 @@ def test_springs_are_weak_and_their_force_is_reported() -> None:
         assert result.balance.support == pytest.approx([0.0, -1.0], abs=1e-6)
         assert result.balance.forces_error < 1e-6
         moved = setup.state.displacement.reshape(-1, 2)
-        # Each step anew from where the last one has ended.
+        # The spring of each step starts at the end of the last step.
         assert moved[:, 1] == pytest.approx(step / stiffness, rel=1e-5)
 
 
@@ -109,8 +112,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("options", list(OPTIONS))
-def test_a_section_that_nothing_touches_stays_where_it_is(options: str) -> None:
-    """Springs take nothing from it: strained unevenly it moves as if points were held."""
+def test_springs_have_no_effect_without_contact(options: str) -> None:
+    """A nonuniformly strained section moves as if points were fixed."""
 
     def uneven(x: Array, y: Array) -> Array:
         return np.asarray(100.0 + 3e3 * x + 5e3 * y + 1e6 * x * y)
@@ -125,11 +128,11 @@ def test_a_section_that_nothing_touches_stays_where_it_is(options: str) -> None:
     assert np.abs(springs.stress - points.stress).max() < 1e-7 * np.abs(points.stress).max()
 
 
-def test_a_whole_round_does_not_turn_in_its_mould() -> None:
-    """Springs, or points held rigidly: the wall's forces balance anyway.
+def test_full_round_does_not_rotate_in_its_mould() -> None:
+    """Springs and fixed points give the same result, as the forces of the wall balance.
 
-    A shell meets the wall.  Liquid would meet one 1e6 times stiffer than itself, and which of its
-    points touch first Newton's method does not find in steps like these.
+    Contact begins with a shell: for liquid the wall is 1e6 times stiffer, and Newton's method does
+    not find the first points in contact with steps of this length.
     """
     begin = 8.0
     mesh = meshes.build(

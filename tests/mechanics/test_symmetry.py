@@ -1,4 +1,4 @@
-"""The same numbers from whole, half and quarter, from a section on its side, on several ranks."""
+"""Equal results of full, half and quarter sections, of rotated sections, on several ranks."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ SIZES = {"width": 0.1, "height": 0.08, "surface_size": 2e-3, "core_size": 1e-2}
 
 
 def values(setup: CastSetup) -> dict[tuple[float, float], np.ndarray]:
-    """Displacement and stress by vertex in the first quadrant."""
+    """Return displacement and stress by vertex in the first quadrant."""
     moved, stress = setup.moved, setup.stress
     found = {}
     for (x, y), u, s in zip(setup.vertices, moved, stress, strict=True):
         if x > -1e-9 and y > -1e-9:
             if min(x, y) < 1e-9:
-                s[3] = 0.0  # odd across the axes: its mean around them is one-sided in a quarter
+                s[3] = 0.0  # odd across the axes: its average there is one-sided in a quarter
             found[round(x * 1e6) + 0.0, round(y * 1e6) + 0.0] = np.concatenate([u / 1e-4, s / 1e6])
     return found
 
 
 @pytest.mark.parametrize(("radius", "cell"), [(5e-3, "quadrilateral"), (0.0, "triangle")])
 def test_whole_half_and_quarter_agree(radius: float, cell: str) -> None:
-    """In stress and displacement; the pins of the whole section carry no force."""
+    """Stress and displacement agree; the pins of the full section carry no force."""
     if radius and cell == "triangle":
         pytest.skip("unstructured triangles of a whole section are no mirror images")
     setups = {
@@ -53,10 +53,10 @@ def test_whole_half_and_quarter_agree(radius: float, cell: str) -> None:
             setups["quarter"].state.generalized_strains[0], rel=1e-7
         )
         assert np.abs(setup.state.generalized_strains[1:]).max() < 1e-7
-        others = values(setup)
-        assert len(others) == len(quarter)
+        found = values(setup)
+        assert len(found) == len(quarter)
         tolerance = 1e-6 if cell == "quadrilateral" else 2e-2
-        worst = max(float(np.abs(others[k] - quarter[k]).max()) for k in quarter)
+        worst = max(float(np.abs(found[k] - quarter[k]).max()) for k in quarter)
         assert worst < tolerance
         balance = setup.results[-1].balance
         if name == "whole":
@@ -64,22 +64,21 @@ def test_whole_half_and_quarter_agree(radius: float, cell: str) -> None:
             assert np.abs(balance.support).max() < 1e-6 * pressure
 
 
-def test_a_section_on_its_side() -> None:
-    """Rotated by 90 degrees: displacement and stress turn with it."""
+def test_section_rotated_by_90_degrees_has_rotated_results() -> None:
     upright = CastSetup(billet_mesh(**SIZES)).advance(1.0, 0.25)
-    lying = CastSetup(billet_mesh(**(SIZES | {"width": 0.08, "height": 0.1}))).advance(1.0, 0.25)
-    one, other = values(upright), values(lying)
+    rotated = CastSetup(billet_mesh(**(SIZES | {"width": 0.08, "height": 0.1}))).advance(1.0, 0.25)
+    one, other = values(upright), values(rotated)
     swap = [1, 0, 3, 2, 4, 5]
     assert len(one) == len(other)
     for (x, y), found in one.items():
         assert np.abs(other[y, x][swap] - found).max() < 1e-6
-    assert lying.state.generalized_strains[0] == pytest.approx(
+    assert rotated.state.generalized_strains[0] == pytest.approx(
         upright.state.generalized_strains[0], rel=1e-8
     )
 
 
-def test_supports_of_a_quarter_carry_the_pressure() -> None:
-    """On each line of symmetry what the stress and the pressure leave: nothing in all."""
+def test_net_forces_of_a_quarter_are_zero() -> None:
+    """The force of stress and pressure on each line of symmetry adds up to 0."""
     setup = CastSetup(billet_mesh()).advance(1.0, 0.25)
     balance = setup.results[-1].balance
     pressure = setup.state.pressure.max()
@@ -89,7 +88,7 @@ def test_supports_of_a_quarter_carry_the_pressure() -> None:
     assert balance.axial_error < 1e-8
 
 
-# Symmetry, cells, large strain, and whether a mould holds the strand, springs beside it.
+# Symmetry, cells, large strain, and contact with a mould (with springs).
 SETUPS = [
     ("whole", "triangle", False, False),
     ("quarter", "quadrilateral", True, False),
@@ -101,12 +100,12 @@ def cooled(
     comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool, until: float = 2.0
 ) -> CastSetup:
     mesh = billet_mesh(symmetry, cell=cell, surface_size=4e-3, core_size=1.5e-2)
-    given = in_its_mould(mesh) if mould else {}
-    return CastSetup(mesh, comm, large_strain=large, **given).advance(until, 0.5)
+    settings = in_its_mould(mesh) if mould else {}
+    return CastSetup(mesh, comm, large_strain=large, **settings).advance(until, 0.5)
 
 
 def gathered(setup: CastSetup) -> list[np.ndarray] | None:
-    """Displacement and stress of all vertices on rank 0."""
+    """Return displacement and stress of all vertices on rank 0."""
     section = setup.thermal.section
     columns = np.column_stack([setup.moved, setup.stress]).T
     found = [section.gather(np.ascontiguousarray(c)) for c in columns]
@@ -114,37 +113,38 @@ def gathered(setup: CastSetup) -> list[np.ndarray] | None:
 
 
 def differ(one: list[np.ndarray], many: list[np.ndarray]) -> float:
-    """Largest relative difference; displacements together, stresses together."""
+    """Return the largest relative difference of displacements and of stresses."""
     pairs = [(np.array(one[:2]), np.array(many[:2])), (np.array(one[2:]), np.array(many[2:]))]
     return max(float(np.abs(a - b).max() / np.abs(a).max()) for a, b in pairs)
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(("symmetry", "cell", "large", "mould"), SETUPS)
-def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool, mould: bool) -> None:
-    alone = cooled(MPI.COMM_SELF, symmetry, cell, large, mould)
-    together = cooled(MPI.COMM_WORLD, symmetry, cell, large, mould)
-    one, many = gathered(alone), gathered(together)
+def test_results_are_independent_of_ranks(
+    symmetry: str, cell: str, large: bool, mould: bool
+) -> None:
+    serial = cooled(MPI.COMM_SELF, symmetry, cell, large, mould)
+    parallel = cooled(MPI.COMM_WORLD, symmetry, cell, large, mould)
+    one, many = gathered(serial), gathered(parallel)
     if MPI.COMM_WORLD.rank == 0:
         assert one is not None and many is not None
         assert differ(one, many) < 1e-8
-    assert together.state.generalized_strains == pytest.approx(
-        alone.state.generalized_strains, rel=1e-8, abs=1e-12
+    assert parallel.state.generalized_strains == pytest.approx(
+        serial.state.generalized_strains, rel=1e-8, abs=1e-12
     )
-    assert [r.newton for r in together.results] == [r.newton for r in alone.results]
-    first, second = alone.results[-1].balance, together.results[-1].balance
-    scale = alone.problem.residual_state.scale.total if alone.problem.residual_state else 1.0
+    assert [r.newton for r in parallel.results] == [r.newton for r in serial.results]
+    first, second = serial.results[-1].balance, parallel.results[-1].balance
+    scale = serial.problem.residual_state.scale.total if serial.problem.residual_state else 1.0
     assert np.abs(first.axial - second.axial).max() < 1e-8 * scale
-    assert together.results[-1].flowing == pytest.approx(alone.results[-1].flowing, rel=1e-6)
+    assert parallel.results[-1].flowing == pytest.approx(serial.results[-1].flowing, rel=1e-6)
     heat = [
-        s.problem.points.to_vertices(s.results[-1].dissipation).sum() for s in (alone, together)
+        s.problem.points.to_vertices(s.results[-1].dissipation).sum() for s in (serial, parallel)
     ]
     assert MPI.COMM_WORLD.allreduce(heat[1]) == pytest.approx(heat[0], rel=1e-7)
 
 
 @pytest.mark.mpi
-def test_fewer_cells_than_ranks() -> None:
-    """A rank without cells takes part in everything."""
+def test_ranks_without_cells_are_allowed() -> None:
     setup = SliceSetup(
         mapped(1, 1, box(0.01, 0.01)), comm=MPI.COMM_WORLD, thermal=lambda T: 1e-5 * T
     )
@@ -153,25 +153,25 @@ def test_fewer_cells_than_ranks() -> None:
 
 
 @pytest.mark.mpi
-def test_cellwise_values_do_not_depend_on_the_ranks() -> None:
-    """Stress gathered on rank 0 is by input cell; scattering brings it back."""
+def test_cellwise_values_are_independent_of_ranks() -> None:
+    """Gathered stress is in the order of the input cells; scattering restores the local order."""
     fields = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         setup = SliceSetup(mapped(5, 4, box(0.1, 0.1)), comm=comm, thermal=lambda T: 1e-5 * T)
         setup.step(1.0, lambda x, y: 1e4 * x**2 + 500 * y)
         cellwise = Cellwise(setup.section)
         cells = len(cellwise.cells)
-        mine = setup.stress.reshape(cells, -1)
-        whole = cellwise.gather(mine)
-        assert np.array_equal(cellwise.scatter(whole), mine)
-        fields.append(whole)
+        local = setup.stress.reshape(cells, -1)
+        gathered_stress = cellwise.gather(local)
+        assert np.array_equal(cellwise.scatter(gathered_stress), local)
+        fields.append(gathered_stress)
     if MPI.COMM_WORLD.rank == 0:
         assert np.abs(fields[0] - fields[1]).max() < 1e-9 * np.abs(fields[0]).max()
 
 
 @pytest.mark.mpi
-def test_planes_that_move_strain_all_ranks() -> None:
-    """Their unknowns are kept by one rank; of the others none may have moved."""
+def test_motion_of_the_planes_strains_all_ranks() -> None:
+    """One rank owns the unknowns of the planes; the unknowns of others may not change."""
     setup = SliceSetup(mapped(5, 4, box(0.1, 0.1)), comm=MPI.COMM_WORLD)
     problem = setup.problem
     cold = np.zeros(setup.section.owned)
@@ -201,15 +201,15 @@ def driven(
     stretch: Callable[[float], float] = lambda t: 0.0,
     cell: str = "quadrilateral",
 ) -> SliceSetup:
-    """A block whose whole boundary follows a deformation gradient over time."""
+    """Set up a block whose complete boundary follows a deformation gradient over time."""
     held = tuple(
         PrescribedDisplacement(FREE, i, lambda p, t, i=i: p @ (gradient(t) - np.eye(2))[i])  # type: ignore[misc]
         for i in range(2)
     )
     planes = PlainPlanes((), {"a0": stretch})
     mesh = mapped(2, 2, skewed(0.1, 0.07), cell, groups=FREE)
-    given = {"held": held, "planes": planes, "pin": False, "large_strain": True}
-    return SliceSetup(mesh, elastic(E, NU), given=given, extrapolate=False, tolerance=1e-10)
+    settings = {"held": held, "planes": planes, "pin": False, "large_strain": True}
+    return SliceSetup(mesh, elastic(E, NU), settings=settings, extrapolate=False, tolerance=1e-10)
 
 
 def turn(angle: float) -> Array:
@@ -218,8 +218,8 @@ def turn(angle: float) -> Array:
 
 @pytest.mark.parametrize("degrees", [90.0, 210.0])
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_rigid_rotation_turns_the_stress(cell: str, degrees: float) -> None:
-    """A stressed block turned in three steps: its stress turns with it, to rounding."""
+def test_rigid_rotation_rotates_the_stress(cell: str, degrees: float) -> None:
+    """The stress of a block that is rotated in three steps rotates with it, to rounding."""
     stretch = np.array([[1.02, 0.01], [0.0, 0.97]])
     final = np.radians(degrees)
     setup = driven(
@@ -238,7 +238,7 @@ def test_rigid_rotation_turns_the_stress(cell: str, degrees: float) -> None:
     assert np.abs(setup.stress - expected).max() < 1e-9 * np.abs(before).max()
 
 
-def test_simple_shear_follows_jaumann() -> None:
+def test_simple_shear_has_the_jaumann_stress() -> None:
     """S12 = G sin(gamma), s11 = G (1 - cos(gamma)), to second order in the step."""
     amount = 2.0
 
@@ -257,8 +257,8 @@ def test_simple_shear_follows_jaumann() -> None:
 
 
 @pytest.mark.parametrize("axial", [True, False])
-def test_tension_at_constant_true_strain_rate(axial: bool) -> None:
-    """To 60 % along the strand or across it: the true stress, area of the deformed bar."""
+def test_tension_at_constant_rate_has_the_true_stress(axial: bool) -> None:
+    """A true strain of 60 % along the strand or across it; the force acts on the deformed area."""
     rate, end = 1e-3, 0.6
     law = NortonCreep.constant(Elasticity.constant(20e9, NU), 1e-9, 1e6, 5.0)
     flow = 1e6 * (rate / 1e-9) ** 0.2
@@ -267,12 +267,14 @@ def test_tension_at_constant_true_strain_rate(axial: bool) -> None:
     def stretch(t: float) -> float:
         return float(np.exp(rate * t) - 1)
 
-    given: dict[str, object] = {"large_strain": True}
+    settings: dict[str, object] = {"large_strain": True}
     if axial:
-        given["planes"] = PlainPlanes((), {"a0": stretch})
+        settings["planes"] = PlainPlanes((), {"a0": stretch})
     else:
-        given["held"] = (PrescribedDisplacement(("right",), 0, lambda p, t: p[:, 0] * stretch(t)),)
-    setup = SliceSetup(mesh, law, given=given)
+        settings["held"] = (
+            PrescribedDisplacement(("right",), 0, lambda p, t: p[:, 0] * stretch(t)),
+        )
+    setup = SliceSetup(mesh, law, settings=settings)
     for time in np.linspace(0.0, end / rate, 121)[1:]:
         result = setup.step(float(time))
     along = 2 if axial else 0
@@ -298,7 +300,7 @@ def test_elastic_tension_gives_hookes_law_of_true_strain() -> None:
         setup = SliceSetup(
             mapped(1, 1, box(0.01, 0.01)),
             elastic(E, NU),
-            given={"large_strain": True, "planes": PlainPlanes((), {"a0": lambda t: 0.5 * t})},
+            settings={"large_strain": True, "planes": PlainPlanes((), {"a0": lambda t: 0.5 * t})},
         )
         for i in range(steps):
             setup.step((i + 1) / steps)
@@ -307,13 +309,13 @@ def test_elastic_tension_gives_hookes_law_of_true_strain() -> None:
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_small_motion_is_that_of_small_strain() -> None:
+def test_large_strain_tends_to_small_strain() -> None:
     """Both formulations agree to first order in the strain."""
 
     def tube(large: bool, pressure: float) -> Array:
-        given = {"planes": PlainPlanes(), "large_strain": large}
+        settings = {"planes": PlainPlanes(), "large_strain": large}
         rise = lambda t: pressure * t  # noqa: E731
-        setup = pressed_tube((3, 3), (0.02, 0.03), elastic(E, NU), rise, **given)
+        setup = pressed_tube((3, 3), (0.02, 0.03), elastic(E, NU), rise, **settings)
         setup.step(1.0)
         return setup.state.displacement / pressure
 
@@ -325,8 +327,8 @@ def test_small_motion_is_that_of_small_strain() -> None:
     assert differences[1] == pytest.approx(0.1 * differences[0], rel=0.05)
 
 
-def test_tube_growing_under_pressure() -> None:
-    """A crept thin tube at twice its radius: hoop stress p r / t of the tube as it is then."""
+def test_growing_tube_has_the_current_hoop_stress() -> None:
+    """A thin tube creeps to 1.5 times its radius: the hoop stress is p r / t when deformed."""
     pressure, law = 2e5, NortonCreep.constant(Elasticity.constant(20e9, NU), 1e-9, 1e6, 3.0)
     rise = lambda t: min(t, 1.0) * pressure  # noqa: E731
     setup = pressed_tube((1, 6), (0.0495, 0.0505), law, rise, large_strain=True)

@@ -1,4 +1,4 @@
-"""The Jacobian against finite differences of the residual; forces by operators and by forms."""
+"""The Jacobian and finite differences of the residual; forces by operators and by forms."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")
 STEEL = Elasticity.constant(200e9, 0.3)
-# Moduli that change eightfold over the section, and so within a cell.
+# Moduli that change eightfold over the section, and also within a cell.
 SOFT = Elasticity(lambda T: 200e9 * np.exp(-T / 50.0), lambda T: 0.2 + 1e-3 * T)
 LAWS = {
     "elastic": elastic(),
@@ -35,7 +35,7 @@ PLANES: dict[str, Any] = {
 
 
 def jacobians(setup: SliceSetup, size: float) -> tuple[Array, Array, int]:
-    """Jacobian and its finite differences at a random state of the second of two steps."""
+    """Return the Jacobian and finite differences at a random state in the second of two steps."""
     problem, rng = setup.problem, np.random.default_rng(1)
     vector = problem.solver.x.duplicate()
     n = vector.getLocalSize()
@@ -72,7 +72,7 @@ def jacobians(setup: SliceSetup, size: float) -> tuple[Array, Array, int]:
     return columns[np.ix_(free, free)], differences[np.ix_(free, free)], problem.free
 
 
-# Cells, strain and planes in all ways; a law enters by its tangent alone, and meets each of them.
+# All combinations of cells, strain and planes; laws, which enter by their tangent only, alternate.
 CASES = [
     (cell, large, list(LAWS)[(i + j + k) % len(LAWS)], planes)
     for i, cell in enumerate(("quadrilateral", "triangle"))
@@ -82,12 +82,12 @@ CASES = [
 
 
 @pytest.mark.parametrize(("cell", "large", "law", "planes"), CASES)
-def test_jacobian(cell: str, large: bool, law: str, planes: str) -> None:
+def test_jacobian_matches_differences(cell: str, large: bool, law: str, planes: str) -> None:
     setup = SliceSetup(
         mapped(2, 2, skewed(0.1, 0.06), cell, groups=FREE),
         LAWS[law],
         expansion(1e-5),
-        given={
+        settings={
             "planes": PLANES[planes],
             "large_strain": large,
             "ferrostatic": Ferrostatic(lambda t: 5e6 * t, lambda T: np.clip(1 - T / 300, 0, 1)),
@@ -105,12 +105,12 @@ def test_jacobian(cell: str, large: bool, law: str, planes: str) -> None:
         for block in blocks:
             assert np.abs(exact - found)[block].max() < 2e-6 * np.abs(found[block]).max()
     if not large and planes != "bent":
-        # What the Cholesky factorisation of small strain relies on.
+        # Symmetry is required by the Cholesky factorisation at small strain.
         assert np.abs(exact - exact.T).max() < 1e-13 * np.abs(exact).max()
 
 
 def test_laws_change_volume_elastically() -> None:
-    """What the split into deviator and mean stress relies on."""
+    """The split into deviator and mean stress requires this."""
     from castfem.physics.constitutive.base import MaterialStep
 
     law = LAWS["creep"]
@@ -131,7 +131,7 @@ GROUPS = ("left", "bottom", "right", "top")
 
 
 def evaluated(setup: SliceSetup) -> Array:
-    """Moves it at random through a step in which it cools; temperatures of the vertices, K."""
+    """Evaluate a random motion in a cooling step; return the temperatures of the vertices, K."""
     problem = setup.problem
     heat = setup.field(lambda x, y: 300.0 + 4000.0 * x + 2000.0 * y)
     problem.begin(setup.state, 1.0, heat)
@@ -142,7 +142,7 @@ def evaluated(setup: SliceSetup) -> Array:
 
 
 def pressed(cell: str, order: int, outside: str) -> SliceSetup:
-    """A skewed block, warm on one side, that liquid presses on; all generalized strains free."""
+    """Set up a skewed block under liquid pressure with all generalized strains free."""
     solid = Ferrostatic(
         lambda t: 2e6 * t,
         lambda t: np.clip(t / 1000.0, 0.0, 1.0),
@@ -152,7 +152,7 @@ def pressed(cell: str, order: int, outside: str) -> SliceSetup:
         mapped(3, 2, skewed(0.1, 0.06), cell, order=order, groups=GROUPS),
         elastic(),
         expansion(1e-5),
-        given={"planes": PlainPlanes(("a0", "a1", "a2", "across")), "ferrostatic": solid},
+        settings={"planes": PlainPlanes(("a0", "a1", "a2", "across")), "ferrostatic": solid},
     )
 
 
@@ -160,8 +160,8 @@ def pressed(cell: str, order: int, outside: str) -> SliceSetup:
 @pytest.mark.parametrize(
     ("cell", "order"), [("quadrilateral", 1), ("quadrilateral", 2), ("triangle", 1)]
 )
-def test_forces_and_work_are_those_of_the_forms(cell: str, order: int, outside: str) -> None:
-    """Stress, pressure inside, and liquid held from outside; nodes and planes."""
+def test_force_operators_match_the_forms(cell: str, order: int, outside: str) -> None:
+    """Nodal forces and work on the planes by stress, inner pressure and supported liquid."""
     setup = pressed(cell, order, outside)
     heat = evaluated(setup)
     problem, state = setup.problem, setup.problem.residual_state
@@ -175,11 +175,11 @@ def test_forces_and_work_are_those_of_the_forms(cell: str, order: int, outside: 
         nodal += operators.of_held_liquid(vertices[:, None])[:, 0]
     assert np.abs(state.forces).max() > 1.0
     assert np.abs(nodal - state.forces).max() < 1e-12 * np.abs(nodal).max()
-    known = problem.planes.work_on(np.eye(4))
-    assert np.abs(work - known).max() < 1e-12 * np.abs(known).max()
+    expected = problem.planes.work_on(np.eye(4))
+    assert np.abs(work - expected).max() < 1e-12 * np.abs(expected).max()
 
 
-def test_strain_is_that_of_the_step() -> None:
+def test_strain_operator_matches_the_step() -> None:
     setup = pressed("quadrilateral", 2, "free")
     evaluated(setup)
     problem, rng = setup.problem, np.random.default_rng(0)
@@ -190,8 +190,6 @@ def test_strain_is_that_of_the_step() -> None:
         problem.fields.generalized_strains_old.value + strains
     )
     operators = ForceOperators(problem)
-    known, found = (
-        problem.kinematics.increments()[0],
-        operators.strains(motion[:, None], strains[:, None]),
-    )
-    assert np.abs(found[0] - known).max() < 1e-12 * np.abs(known).max()
+    expected = problem.kinematics.increments()[0]
+    found = operators.strains(motion[:, None], strains[:, None])[0]
+    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()

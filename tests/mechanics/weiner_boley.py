@@ -1,4 +1,4 @@
-"""The strip that is to reproduce Weiner and Boley's solidifying half-space."""
+"""A strip that models the solidifying half-space of Weiner and Boley."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ POURED = 1495.0  # degC
 
 
 class Strip(CooledSlice):
-    """A strip one cell wide, thermal first; it may strain uniformly along y and z.
+    """A strip one cell wide that may strain uniformly along y and z; heat balance first.
 
-    `ratio` is the stiffness of the liquid; `given` changes the `Slice`.
+    `ratio` is the stiffness of the liquid over that of the solid; `settings` changes the `Slice`.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Strip(CooledSlice):
         carbon: float = 0.1,
         options: dict[str, Any] | None = None,
         length: float = 0.03,
-        **given: Any,
+        **settings: Any,
     ) -> None:
         steel = load_steel("weiner_boley")
         mesh = meshes.build(
@@ -51,7 +51,7 @@ class Strip(CooledSlice):
         slice_ = Slice(
             load_law(law, elasticity, carbon=carbon),
             steel.thermal_strain,
-            # Both long sides stay straight: what is uniform along y is a motion of its own.
+            # Both long sides stay straight; the strain along y is a generalized strain.
             PlainPlanes(("a0", "across")),
             (
                 PrescribedDisplacement(("side_low",), 1),
@@ -59,22 +59,22 @@ class Strip(CooledSlice):
                 PrescribedDisplacement(("surface",), 0),
             ),
             pin=False,
-            **given,
+            **settings,
         )
         super().__init__(thermal, slice_, options=options)
 
     @property
     def depth(self) -> Array:
-        """Of the points, m."""
+        """Return the depths of the points, m."""
         return self.problem.points.deviator.position[:, 0]
 
     @property
     def stress(self) -> Array:
-        """At the points (n, 4), Pa."""
+        """Return the stress at the points (n, 4), Pa."""
         return self.problem.points.recovered(self.state.stress)
 
     def error(self, exact: HalfSpace) -> float:
-        """Rms difference of sigma_zz in the shell over 20 MPa."""
+        """Return the rms error of sigma_zz in the shell, relative to 20 MPa."""
         time = self.state.time
         inside = self.depth < exact.shell(time)
         difference = self.stress[inside, 2] - exact.stress(self.depth[inside], time)

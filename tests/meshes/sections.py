@@ -1,4 +1,4 @@
-"""Parameters of the sections the tests mesh, lengths in m."""
+"""Parameters of the sections that the tests mesh, lengths in m."""
 
 from __future__ import annotations
 

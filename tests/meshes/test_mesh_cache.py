@@ -38,7 +38,7 @@ def same(a: SectionMesh, b: SectionMesh) -> None:
         np.testing.assert_array_equal(a.probes[name], b.probes[name])
 
 
-def test_second_call_reads_what_the_first_one_kept(tmp_path: Path) -> None:
+def test_second_call_reads_the_stored_mesh(tmp_path: Path) -> None:
     builder = Counting()
     first = cached(builder, tmp_path / "new" / "folder", **ROUNDED, order=2, symmetry="half")
     again = cached(builder, tmp_path / "new" / "folder", **ROUNDED, order=2, symmetry="half")
@@ -48,12 +48,12 @@ def test_second_call_reads_what_the_first_one_kept(tmp_path: Path) -> None:
     assert file.name.startswith("rectangle-") and file.suffix == ".npz"
 
 
-def test_parameters_and_version_make_the_name(
+def test_file_name_depends_on_parameters_and_version(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     builder = Counting()
     cached(builder, tmp_path, **STRIP)
-    cached(builder, tmp_path, **dict(reversed(STRIP.items())))  # the order does not matter
+    cached(builder, tmp_path, **dict(reversed(STRIP.items())))  # independent of the order
     cached(builder, tmp_path, **STRIP | {"length": np.float64(0.1)})
     assert builder.calls == 1
     cached(builder, tmp_path, **STRIP | {"length": 0.1000001})
@@ -64,7 +64,7 @@ def test_parameters_and_version_make_the_name(
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "text", "flipped", "other arrays", "misfit"])
-def test_broken_file_is_built_again(tmp_path: Path, damage: str) -> None:
+def test_invalid_file_is_built_again(tmp_path: Path, damage: str) -> None:
     builder = Counting()
     first = cached(builder, tmp_path, **STRIP)
     (file,) = tmp_path.iterdir()
@@ -92,19 +92,19 @@ def test_broken_file_is_built_again(tmp_path: Path, damage: str) -> None:
     same(first, read_mesh(file))
 
 
-def test_folder_that_cannot_be_written_only_costs_time(tmp_path: Path) -> None:
+def test_unwritable_folder_is_allowed(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     assert len(cached(build, blocked, **STRIP).cells) > 0
 
 
-def test_refused_parameters_leave_nothing(tmp_path: Path) -> None:
+def test_rejected_parameters_leave_no_file(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="is impossible"):
         cached(build, tmp_path, **STRIP | {"length": -1.0})
     assert list(tmp_path.iterdir()) == []
 
 
-def test_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_write_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = build(**STRIP)
 
     def fail(*_: Any, **__: Any) -> None:
@@ -143,7 +143,7 @@ def test_picture_shows_groups_in_colour(tmp_path: Path, parameters: dict[str, ob
     assert min(image.shape[:2]) > 400
     spread = image.max(axis=2) - image.min(axis=2)
     assert (spread > 0.4).mean() > 5e-4  # coloured boundary
-    assert (image.min(axis=2) > 0.99).mean() > 0.3  # and paper left between the lines
+    assert (image.min(axis=2) > 0.99).mean() > 0.3  # white between the lines
 
 
 def test_focus_must_be_a_probe(tmp_path: Path) -> None:

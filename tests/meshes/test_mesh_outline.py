@@ -1,4 +1,4 @@
-"""Exact outlines, outlines that stand out from a rectangle, and grading along one."""
+"""Exact outlines, bulged outlines of rectangles, and grading along a line."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def _rounded(a: float, b: float, r: float) -> tuple[Piece, ...]:
     )
 
 
-def test_area_of_a_rounded_rectangle_and_of_a_disc() -> None:
+def test_areas_of_rounded_rectangle_and_disc_are_exact() -> None:
     a, b, r = 0.3, 0.2, 0.05
     expected = a * b - r**2 * (1.0 - math.pi / 4.0)
     assert quarter(_rounded(a, b, r)).area() == pytest.approx(expected, rel=1e-15)
     assert quarter(_rounded(b, b, b)).area() == pytest.approx(math.pi * b**2 / 4.0, rel=1e-15)
 
 
-def test_concave_arc_takes_its_segment_away() -> None:
+def test_concave_arc_reduces_the_area() -> None:
     arc = Piece("fillet", (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
     outline = chain(
         [Piece("symmetry_y", (0.0, 0.0), (1.0, 0.0)), arc, Piece("s", (0.0, 1.0), (0.0, 0.0))]
@@ -45,7 +45,7 @@ def test_concave_arc_takes_its_segment_away() -> None:
     assert outline.area() == pytest.approx(1.0 - math.pi / 4.0, rel=1e-14)
 
 
-def test_distance_and_projection() -> None:
+def test_distance_and_projection_are_exact() -> None:
     arc = Piece("corner", (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
     points = np.array([[0.5, 0.5], [2.0, 0.0], [0.0, -1.0]])
     expected = [1.0 - math.sqrt(0.5), 1.0, math.sqrt(2.0)]
@@ -55,12 +55,12 @@ def test_distance_and_projection() -> None:
     np.testing.assert_allclose(line.distance(np.array([[0.5, 0.0], [2.0, 1.0]])), [1.0, 1.0])
 
 
-def test_open_outline_is_refused() -> None:
+def test_open_outline_is_rejected() -> None:
     with pytest.raises(ValueError, match="open between a and b"):
         chain([Piece("a", (0.0, 0.0), (1.0, 0.0)), Piece("b", (1.0, 1.0), (0.0, 0.0))])
 
 
-def test_facet_off_the_outline_is_refused() -> None:
+def test_facet_off_the_outline_is_rejected() -> None:
     outline = quarter(_rounded(0.3, 0.2, 0.05))
     points = np.array([[0.0, 0.2], [0.1, 0.2], [0.1, 0.1]])
     assert outline.pieces[outline.classify(points, np.array([[1, 0]]))[0]].group == "wide_face"
@@ -69,8 +69,8 @@ def test_facet_off_the_outline_is_refused() -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_points_inside_and_outside(order: int) -> None:
-    """A disc of 50 mm, a quarter of it, and the cut-off of a round corner."""
+def test_points_inside_and_outside_are_distinguished(order: int) -> None:
+    """A quarter disc of 50 mm radius, and a rectangle with rounded corners."""
     sizes = {"surface_size": 3e-3, "core_size": 10e-3, "order": order}
     disc = build("round", diameter=0.1, symmetry="quarter", **sizes)
     turns = np.linspace(0.0, 0.5 * np.pi, 13)
@@ -79,12 +79,12 @@ def test_points_inside_and_outside(order: int) -> None:
         assert [disc.holds(*place) for place in places] == [inside] * len(turns)
     assert not disc.holds(-1e-3, 1e-2) and not disc.holds(1e-2, -1e-3)
     size = {"width": 0.1, "height": 0.08, "corner_radius": 5e-3}
-    whole = build("rectangle", **size, symmetry="whole", **sizes)
+    full = build("rectangle", **size, symmetry="whole", **sizes)
     cut = 5e-3 * (1.0 - 0.5**0.5)  # of the corner, along both faces
     for sx in (-1.0, 1.0):
-        assert whole.holds(sx * (0.05 - cut - 2e-4), 0.04 - cut - 2e-4)
-        assert not whole.holds(sx * (0.05 - cut + 2e-4), 0.04 - cut + 2e-4)
-        assert whole.holds(sx * 0.05, 0.0) and not whole.holds(sx * 0.0505, 0.0)
+        assert full.holds(sx * (0.05 - cut - 2e-4), 0.04 - cut - 2e-4)
+        assert not full.holds(sx * (0.05 - cut + 2e-4), 0.04 - cut + 2e-4)
+        assert full.holds(sx * 0.05, 0.0) and not full.holds(sx * 0.0505, 0.0)
 
 
 A, B, R = 0.0625, 0.05, 0.005
@@ -94,8 +94,8 @@ ARC = 0.5 * np.pi * R
 TABLE = ([0.0, 0.045, 0.045 + ARC, 0.045 + ARC + 0.0575], [1e-4, -2e-4, -2e-4, 3e-4])
 
 
-def off(points):
-    """How far points on the surface stand out from the rectangle, and their way."""
+def offsets(points):
+    """Return the offsets of surface points from the rectangle, and their arc lengths."""
     q = np.abs(points)
     ways = ways_round(q, A, B, R)
     normal = normals_round(ways, B, R)
@@ -116,7 +116,7 @@ def test_outline_has_the_offsets(symmetry, cell, order):
     surface = np.unique(
         mesh.facets[[mesh.groups[g] in mesh.outer_groups for g in mesh.facet_group]]
     )
-    found, ways = off(mesh.points[surface])
+    found, ways = offsets(mesh.points[surface])
     assert found == pytest.approx(np.interp(ways, *TABLE), abs=1e-9)
     assert np.array_equal(plain.cells, mesh.cells)
     moved = mesh.points - plain.points
@@ -139,15 +139,15 @@ def test_uniform_bulge_is_the_larger_rectangle():
     assert mesh.probes["corner"][0] == pytest.approx(corner, abs=2e-5)
 
 
-def test_sharp_corner_and_its_ways():
+def test_sharp_corner_bulges_and_arc_lengths_are_exact():
     mesh = build("rectangle", width=0.1, height=0.1, **SIZES, bulge=([0.0], [5e-4]))
     assert np.abs(mesh.points).max(axis=0) == pytest.approx([0.0505, 0.0505], abs=1e-9)
     points = np.array([[A, 0.0], [A, B - R], [A - R, B], [0.0, B], [-A, -0.01]])
-    wanted = [0.0, B - R, B - R + ARC, B - R + ARC + A - R, 0.01]
-    assert ways_round(points, A, B, R) == pytest.approx(wanted)
+    expected = [0.0, B - R, B - R + ARC, B - R + ARC + A - R, 0.01]
+    assert ways_round(points, A, B, R) == pytest.approx(expected)
 
 
-def test_too_large_a_bulge_is_refused():
+def test_too_large_bulge_is_rejected():
     with pytest.raises(ValueError, match=r"bulge is 20 mm somewhere; allowed: at most 10 mm"):
         build("rectangle", **SECTION, **SIZES, bulge=([0.0], [0.02]))
 
@@ -165,7 +165,7 @@ def test_sizes_form_a_geometric_progression() -> None:
     assert sizes.sum() == pytest.approx(LENGTH, rel=1e-14)
 
 
-def test_whole_number_of_cells_starts_exactly_with_the_fine_size() -> None:
+def test_integer_number_of_cells_starts_with_the_fine_size() -> None:
     law = SizeLaw(0.001, 1.0, 0.0, math.log(1.2))
     length = 0.001 * (1.2**9 - 1.0) / 0.2
     assert law.count(length) == pytest.approx(9.0, abs=1e-12)
@@ -199,7 +199,7 @@ def test_halving_every_size_halves_every_cell() -> None:
     np.testing.assert_allclose(halves[::2], coarse.nodes(LENGTH, n), atol=0.02 * LENGTH)
 
 
-def test_lead_grows_from_a_narrow_feature() -> None:
+def test_lead_increases_from_a_narrow_feature() -> None:
     law = SizeLaw(0.5e-3, 5e-3, 0.0, 0.07, lead=0.05e-3)
     sizes = np.diff(law.nodes(LENGTH))
     assert 0.045e-3 < sizes[0] <= 0.05e-3
@@ -221,15 +221,15 @@ def test_fitted_law_has_the_count_it_was_fitted_to(cells: int, keep: float) -> N
         assert nodes[1] == pytest.approx(0.5e-3, rel=0.05)
 
 
-def test_two_sided_keeps_both_ends() -> None:
+def test_two_sided_grading_has_both_sizes() -> None:
     first, last = SizeLaw(1e-3, 1e-2, 0.0, 0.1), SizeLaw(2e-3, 1e-2, 0.0, 0.1)
     sizes = np.diff(two_sided(0.2, first, last))
     assert 0.9e-3 < sizes[0] <= 1.001e-3
     assert 1.8e-3 < sizes[-1] <= 2.002e-3
     assert sizes.max() <= 1.001e-2
-    given_count = np.diff(two_sided(0.2, first, last, 50))
-    assert len(given_count) == 50
-    assert given_count[0] == pytest.approx(1e-3, rel=0.1)
+    fixed_count = np.diff(two_sided(0.2, first, last, 50))
+    assert len(fixed_count) == 50
+    assert fixed_count[0] == pytest.approx(1e-3, rel=0.1)
 
 
 @settings(max_examples=30, deadline=None)
@@ -240,7 +240,7 @@ def test_two_sided_keeps_both_ends() -> None:
     length=st.floats(0.01, 1.0),
     lead=st.floats(0.0, 1.0),
 )
-def test_nodes_ascend_and_respect_the_law(
+def test_nodes_increase_and_respect_the_size_law(
     fine: float, ratio: float, keep: float, length: float, lead: float
 ) -> None:
     law = size_law(fine, fine * ratio, keep, keep + 0.05)
@@ -253,7 +253,7 @@ def test_nodes_ascend_and_respect_the_law(
     assert len(sizes) == law.cells(length)
 
 
-# What cannot be meshed is refused with the name of the parameter and the mend.
+# Invalid parameters are rejected with the name of the parameter and a fix.
 
 
 @pytest.mark.parametrize(
@@ -278,7 +278,7 @@ def test_nodes_ascend_and_respect_the_law(
         (STRIP | {"surface_size": 1e-8, "core_size": 1e-8}, "more than 2e"),
     ],
 )
-def test_impossible_parameters(parameters: dict[str, Any], message: str) -> None:
+def test_invalid_parameters_are_rejected(parameters: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         build(**parameters)
 
@@ -296,7 +296,7 @@ def test_unknown_and_missing_parameters_are_all_named() -> None:
         build(**STRIP, corner_size=0.001)
 
 
-def test_parameters_of_each_shape() -> None:
+def test_parameters_of_a_shape_are_listed() -> None:
     needed, optional = parameters_of("rectangle")
     assert set(needed) == {"width", "height", "surface_size", "core_size"}
     assert {"corner_radius", "symmetry", "cell", "order", "face_size", "core_depth"} <= set(
@@ -305,7 +305,7 @@ def test_parameters_of_each_shape() -> None:
     assert parameters_of("strip")[0] == ("length", "width", "surface_size")
 
 
-def test_section_from_a_mapping_or_a_dataclass() -> None:
+def test_section_is_built_from_a_mapping_or_a_dataclass() -> None:
     @dataclass
     class Section:
         shape: str = "strip"
@@ -346,7 +346,7 @@ CELLS = np.array([(0, 1, 3, 4), (1, 2, 4, 5), (3, 4, 6, 7), (4, 5, 7, 8)])
         ({4: (0.5, 0.0)}, "two vertices in one place"),
     ],
 )
-def test_bad_meshes_are_refused(change: dict[int, tuple[float, float]], message: str) -> None:
+def test_invalid_meshes_are_rejected(change: dict[int, tuple[float, float]], message: str) -> None:
     good = assemble(GRID, CELLS, "quadrilateral", 1, SQUARE, {}, "quarter")
     assert good.quality().area == 1.0
     points = GRID.copy()
@@ -356,7 +356,7 @@ def test_bad_meshes_are_refused(change: dict[int, tuple[float, float]], message:
         assemble(points, CELLS, "quadrilateral", 1, SQUARE, {}, "quarter")
 
 
-def test_holes_overlaps_and_loose_vertices_are_refused() -> None:
+def test_holes_overlaps_and_loose_vertices_are_rejected() -> None:
     loose = np.concatenate([GRID, [(0.25, 0.25)]])
     with pytest.raises(ValueError, match="belong to no cell"):
         assemble(loose, CELLS, "quadrilateral", 1, SQUARE, {}, "quarter")

@@ -1,4 +1,4 @@
-"""Every section in every kind of cell, order and symmetry."""
+"""Every section with each cell shape, order and symmetry."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def built(**parameters: Any) -> SectionMesh:
 
 
 def exact_area(name: str) -> float:
-    """Area of the whole section in closed form."""
+    """Return the area of the full section in closed form."""
     p = FAMILIES[name]
     if name == "round":
         return math.pi * p["diameter"] ** 2 / 4.0
@@ -33,7 +33,7 @@ def exact_area(name: str) -> float:
     c, b = 0.5 * p["web_thickness"], 0.5 * p["height"]
     tip, root = p["flange_thickness"], p["root_thickness"]
     quarter = 0.5 * p["width"] * c + 0.5 * (tip + root) * (b - c)
-    # A rounding between straight lines that turn by t takes r^2 (tan(t/2) - t/2) off, or adds it.
+    # A fillet between straight lines at an angle t removes or adds r^2 (tan(t/2) - t/2).
     turn = math.atan2(b - c, root - tip)
     for radius, t, sign in (
         (p["corner_radius"], math.pi / 2.0, -1.0),
@@ -44,7 +44,7 @@ def exact_area(name: str) -> float:
     return 4.0 * quarter
 
 
-# Every family in each kind of cell and of each order, and each cell of each order: in pairs.
+# Pairwise combinations of families, cell shapes and orders.
 CASES = [
     (name, cell, 1 + (i + j) % 2)
     for i, name in enumerate(FAMILIES)
@@ -54,7 +54,7 @@ CASES = [
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: "-".join(map(str, case)))
 def case(request: pytest.FixtureRequest) -> tuple[str, str, int]:
-    """Family, cell and order; all tests of one follow one another, and share its meshes."""
+    """Return family, cell and order; the tests of each case run in sequence and share meshes."""
     return request.param  # type: ignore[no-any-return]
 
 
@@ -72,22 +72,22 @@ def test_area_is_exact_up_to_the_arcs(case: tuple[str, str, int]) -> None:
         assert abs(q.area_error) < 2e-6
 
 
-def test_quarter_mirrored_is_half_is_whole(case: tuple[str, str, int]) -> None:
+def test_mirrored_quarter_is_half_and_full_section(case: tuple[str, str, int]) -> None:
     name, cell, order = case
-    quarter, half, whole = (
+    quarter, half, full = (
         built(**FAMILIES[name], cell=cell, order=order, symmetry=s)
         for s in ("quarter", "half", "whole")
     )
-    assert (quarter.multiplicity, half.multiplicity, whole.multiplicity) == (4, 2, 1)
+    assert (quarter.multiplicity, half.multiplicity, full.multiplicity) == (4, 2, 1)
     area = quarter.quality().area
     assert half.quality().area == pytest.approx(2.0 * area, rel=1e-13)
-    assert whole.quality().area == pytest.approx(4.0 * area, rel=1e-13)
-    assert len(whole.cells) == 2 * len(half.cells) == 4 * len(quarter.cells)
+    assert full.quality().area == pytest.approx(4.0 * area, rel=1e-13)
+    assert len(full.cells) == 2 * len(half.cells) == 4 * len(quarter.cells)
     on_x, on_y = (np.count_nonzero(quarter.points[:, k] == 0.0) for k in (0, 1))
     assert len(half.points) == 2 * len(quarter.points) - on_y
-    assert len(whole.points) == 4 * len(quarter.points) - 2 * on_y - 2 * on_x + 1
+    assert len(full.points) == 4 * len(quarter.points) - 2 * on_y - 2 * on_x + 1
     assert half.points[:, 0].min() == 0.0
-    np.testing.assert_allclose(whole.points.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(full.points.mean(axis=0), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("symmetry", ["quarter", "half", "whole"])
@@ -95,8 +95,8 @@ def test_boundary_is_closed_oriented_and_grouped(case: tuple[str, str, int], sym
     name, cell, order = case
     mesh = built(**FAMILIES[name], cell=cell, order=order, symmetry=symmetry)
     _, boundary, sides = pair_up(mesh.vertices, cell)
-    ours = {tuple(f) for f in mesh.facets.tolist()}
-    assert ours == {tuple(s) for s in sides[boundary].tolist()}  # as oriented by their cells
+    facets = {tuple(f) for f in mesh.facets.tolist()}
+    assert facets == {tuple(s) for s in sides[boundary].tolist()}  # oriented as by their cells
     assert len(mesh.facet_group) == len(mesh.facets)
     assert set(mesh.facet_group.tolist()) == set(range(len(mesh.groups)))
     assert len(set(mesh.groups)) == len(mesh.groups)
@@ -112,7 +112,7 @@ def test_boundary_is_closed_oriented_and_grouped(case: tuple[str, str, int], sym
     assert enclosed == pytest.approx(mesh.exact_area, rel=3e-3)
 
 
-def test_names_of_the_groups() -> None:
+def test_groups_have_their_names() -> None:
     quarter = {"wide_face", "narrow_face", "corner", "symmetry_x", "symmetry_y"}
     assert set(built(**ROUNDED).groups) == quarter
     assert set(built(**BILLET).groups) == quarter - {"corner"}
@@ -137,7 +137,7 @@ def test_names_of_the_groups() -> None:
     }  # fmt: skip
 
 
-def test_groups_lie_where_their_names_say() -> None:
+def test_groups_are_at_the_sides_of_their_names() -> None:
     mesh = built(**ROUNDED, symmetry="whole", order=2)
     a, r = 0.0625, 0.005
     for name, line in mesh.outline():
@@ -152,7 +152,7 @@ def test_groups_lie_where_their_names_say() -> None:
             assert np.all((x > 0.0) == name.endswith("right"))
 
 
-def test_probes() -> None:
+def test_probes_have_their_positions() -> None:
     mesh = built(**SLAB, symmetry="half")
     a, b, r = 0.3, 0.11, 0.004
     d = r * (1.0 - math.sqrt(0.5))
@@ -184,7 +184,7 @@ def test_probes_start_on_the_surface_and_stay_inside(name: str) -> None:
             assert turn.sum() == pytest.approx(2.0 * math.pi)
 
 
-def test_same_parameters_same_bytes(case: tuple[str, str, int]) -> None:
+def test_equal_parameters_give_identical_meshes(case: tuple[str, str, int]) -> None:
     name, cell, order = case
     first = built(**FAMILIES[name], cell=cell, order=order)
     again = build(**FAMILIES[name], cell=cell, order=order)
@@ -203,7 +203,7 @@ def test_sharp_corner_gives_a_grid_of_rectangles() -> None:
     assert 0.9e-3 < x[-1] - x[-2] <= 1e-3
 
 
-def test_sharp_triangles_give_an_m_matrix_and_no_cell_cuts_the_corner() -> None:
+def test_sharp_triangles_give_an_m_matrix_and_split_the_corner() -> None:
     mesh = built(**BILLET, cell="triangle")
     q = mesh.quality()
     assert q.min_cotangent > -1e-12
@@ -223,7 +223,7 @@ def test_sharp_triangles_give_an_m_matrix_and_no_cell_cuts_the_corner() -> None:
         (BEAM, 1.6, 0.7),
     ],
 )
-def test_structured_cells_are_good(
+def test_structured_cells_have_good_shapes(
     parameters: dict[str, Any], growth: float, scaled: float
 ) -> None:
     q = built(**parameters).quality()
@@ -233,7 +233,7 @@ def test_structured_cells_are_good(
 
 
 @pytest.mark.parametrize(("h", "slant"), [(1e-3, 0.3), (0.25e-3, 0.1)])
-def test_layers_keep_the_surface_size_also_on_the_arc(h: float, slant: float) -> None:
+def test_layers_have_the_surface_size_also_on_the_arc(h: float, slant: float) -> None:
     mesh = built(**ROUNDED | {"surface_size": h, "corner_size": h})
     outer = [i for i, g in enumerate(mesh.groups) if g in mesh.outer_groups]
     surface = {tuple(sorted(f)) for f in mesh.facets[np.isin(mesh.facet_group, outer)].tolist()}
@@ -249,10 +249,10 @@ def test_layers_keep_the_surface_size_also_on_the_arc(h: float, slant: float) ->
     assert len(thickness) == len(surface)
     assert max(thickness) <= h * 1.001
     assert min(thickness) > 0.55 * h  # on the bisector, where the layers are thinnest
-    assert max(straightness) < slant  # the lines leave the surface nearly along its normal
+    assert max(straightness) < slant  # the lines are almost normal to the surface
 
 
-def test_strip() -> None:
+def test_strip_has_its_groups_and_sizes() -> None:
     mesh = built(**STRIP)
     assert set(mesh.groups) == {"surface", "core_end", "side_low", "side_high"}
     assert mesh.outer_groups == ("surface",)
@@ -347,26 +347,26 @@ def test_any_sane_beam_blank_is_meshed(
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize(("size", "symmetry"), [(1.6e-3, "quarter"), (3e-3, "whole")])
-def test_a_probe_begins_on_straight_cells_of_an_arc(cell: str, size: float, symmetry: str) -> None:
-    """The apex of a round corner need not be a vertex: the probe begins on the chord below it."""
+def test_probe_starts_on_straight_cells_of_an_arc(cell: str, size: float, symmetry: str) -> None:
+    """The apex of a round corner may lie off the vertices; the probe starts on the chord."""
     sizes = {"surface_size": size, "corner_size": size, "face_size": 12e-3, "core_size": 16e-3}
-    given = {"shape": "rectangle", "width": 0.125, "height": 0.125, "corner_radius": 5e-3}
-    mesh = build(**given, **sizes, cell=cell, symmetry=symmetry)
+    section = {"shape": "rectangle", "width": 0.125, "height": 0.125, "corner_radius": 5e-3}
+    mesh = build(**section, **sizes, cell=cell, symmetry=symmetry)
     ends = mesh.points[mesh.facets[:, :2]]
-    curved = build(**given, **sizes, cell=cell, symmetry=symmetry, order=2).probes
+    curved = build(**section, **sizes, cell=cell, symmetry=symmetry, order=2).probes
     for name, (start, end) in mesh.probes.items():
         sides = ends[:, 1] - ends[:, 0]
         share = ((start - ends[:, 0]) * sides).sum(axis=1) / (sides**2).sum(axis=1)
         nearest = ends[:, 0] + np.clip(share, 0.0, 1.0)[:, None] * sides
         assert np.hypot(*(nearest - start).T).min() < 1e-12, name
         (x, y), (along_x, along_y) = curved[name][0] - start, end - start
-        assert math.hypot(x, y) < 1.2 * size**2 / (8 * 5e-3)  # no more than the arc's height
+        assert math.hypot(x, y) < 1.2 * size**2 / (8 * 5e-3)  # at most the height of the arc
         assert abs(x * along_y - y * along_x) < 1e-12  # on the same line
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_probes_of_a_beam_blank_stay_at_their_places(cell: str) -> None:
-    """No arc but the own one counts, though the line of a corner goes on to meet the fillet."""
+def test_probes_of_a_beam_blank_have_equal_starts(cell: str) -> None:
+    """Only the arc of the probe counts, though the line of a corner also crosses the fillet."""
     straight, curved = (built(**BEAM, cell=cell, order=o).probes for o in (1, 2))
     for name, (start, _) in straight.items():
         assert np.linalg.norm(start - curved[name][0]) < 1e-3, name

@@ -1,4 +1,4 @@
-"""Unstructured triangles and gmsh; node orders, facets and curved sides as DOLFINx has them."""
+"""Unstructured triangles and gmsh; node orders, facets and curved sides in DOLFINx."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_triangles_are_delaunay_and_well_shaped(parameters: dict[str, Any]) -> N
     assert q.max_growth < 1.9
 
 
-def test_sizes_at_surface_and_in_core() -> None:
+def test_triangles_have_the_sizes_of_surface_and_core() -> None:
     mesh = build(**ROUNDED, cell="triangle")
     outer = [i for i, g in enumerate(mesh.groups) if g in mesh.outer_groups]
     ends = mesh.points[mesh.facets[np.isin(mesh.facet_group, outer)]]
@@ -58,12 +58,12 @@ def test_corner_size_refines_the_corner() -> None:
     assert 0.15e-3 < lengths.mean() < 0.3e-3
 
 
-def test_tiny_radius_gets_two_facets_at_least() -> None:
+def test_tiny_radius_has_at_least_two_facets() -> None:
     mesh = build(**ROUNDED | {"corner_radius": 0.3e-3}, cell="triangle", order=2)
     assert np.count_nonzero(mesh.facet_group == mesh.groups.index("corner")) >= 2
 
 
-def test_gmsh_is_left_as_it_was_if_unused() -> None:
+def test_unused_gmsh_stays_uninitialised() -> None:
     assert not gmsh.isInitialized()
     handler = signal.getsignal(signal.SIGINT)
     build(**ROUND, cell="triangle")
@@ -72,7 +72,7 @@ def test_gmsh_is_left_as_it_was_if_unused() -> None:
 
 
 @pytest.mark.usefixtures("_own_gmsh")
-def test_gmsh_of_the_caller_is_left_as_it_was(capfd: pytest.CaptureFixture[str]) -> None:
+def test_gmsh_of_the_caller_is_unchanged(capfd: pytest.CaptureFixture[str]) -> None:
     expected = build(**ROUND, cell="triangle")
     gmsh.model.add("mine")
     gmsh.model.geo.addPoint(0.0, 0.0, 0.0)
@@ -107,7 +107,7 @@ def test_failure_inside_gmsh_leaves_no_model(monkeypatch: pytest.MonkeyPatch) ->
     assert not [name for name in gmsh.model.list() if name.startswith("castfem")]
 
 
-def test_flips_make_a_mesh_delaunay_and_keep_its_area() -> None:
+def test_flips_give_a_delaunay_mesh_of_equal_area() -> None:
     rng = np.random.default_rng(3)
     x, y = np.meshgrid(np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9), indexing="ij")
     inner = (x > 0.0) & (x < 1.0) & (y > 0.0) & (y < 1.0)
@@ -133,7 +133,7 @@ ufl = pytest.importorskip("ufl")
 
 
 def to_dolfinx(mesh: SectionMesh) -> Any:
-    """The mesh as a DOLFINx mesh on one rank, whatever the order of its arguments."""
+    """Return a DOLFINx mesh on one rank, for any order of its arguments."""
     element = basix_ufl.element("Lagrange", mesh.cell, mesh.order, shape=(2,))
     create = dolfinx.mesh.create_mesh
     names = list(inspect.signature(create).parameters)
@@ -155,7 +155,7 @@ def integral(form: Any) -> float:
     ]
     + [(BEAM, "quadrilateral", 2)],
 )
-def test_dolfinx_sees_the_same_mesh(parameters: dict[str, Any], cell: str, order: int) -> None:
+def test_dolfinx_has_the_same_mesh(parameters: dict[str, Any], cell: str, order: int) -> None:
     source = build(**parameters, cell=cell, order=order, symmetry="half")
     mesh = to_dolfinx(source)
     x = ufl.SpatialCoordinate(mesh)
@@ -164,7 +164,7 @@ def test_dolfinx_sees_the_same_mesh(parameters: dict[str, Any], cell: str, order
     ds = ufl.Measure("ds", mesh, metadata={"quadrature_degree": 6})
     area = source.quality().area
     assert integral(1.0 * dx) == pytest.approx(area, rel=1e-12)
-    # Gauss' theorem ties the sides' curvature to the inside; the moments tie nodes to places.
+    # Gauss' theorem checks the curvature of the sides; the moment checks the positions of nodes.
     assert integral(0.5 * ufl.dot(x, normal) * ds) == pytest.approx(area, rel=1e-10)
     assert integral(x[1] * dx) == pytest.approx(0.0, abs=1e-12 * area)
 
@@ -175,5 +175,5 @@ def test_dolfinx_sees_the_same_mesh(parameters: dict[str, Any], cell: str, order
     assert len(exterior) == len(source.facets)
     nodes = dolfinx.mesh.entities_to_geometry(mesh, 1, exterior)[:, :2]
     original = np.asarray(mesh.geometry.input_global_indices)[nodes]
-    theirs = {tuple(sorted(pair)) for pair in original.tolist()}
-    assert theirs == {tuple(sorted(pair)) for pair in source.facets.tolist()}
+    found = {tuple(sorted(pair)) for pair in original.tolist()}
+    assert found == {tuple(sorted(pair)) for pair in source.facets.tolist()}

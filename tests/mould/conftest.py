@@ -1,4 +1,4 @@
-"""A sound case to add a table [mould] to."""
+"""A valid case to which tests add a table [mould]."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ wall = "mould"
 def write(tmp_path):
     """Write a case with lines of its table [mould]; return its path.
 
-    A temperature of the wall among them is what the heat meets.
+    If they set a wall temperature, the cooling uses it.
     """
 
     def _write(lines: str = "", more: str = "", name: str = "case.toml") -> Path:

@@ -1,4 +1,4 @@
-"""Rays against segments, by closed forms and never NaN, and against closed contours."""
+"""Intersections of rays with segments and closed contours, by closed forms, and never NaN."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def walls(bulge: float, radius: float) -> tuple[Sides, Contour]:
 
 
 def depth(sides: Sides, points):
-    """How far outside (positive) points lie, by the equation of the piece they belong to."""
+    """Return the distance of points from the wall by the equation of their piece; outside: > 0."""
     (a, b), (p, q), r = sides.middle, sides.ends, sides.radius
     x, y = np.abs(points).T
     round_corner = np.hypot(x - (p - r), y - (q - r)) - r
@@ -54,14 +54,14 @@ def ray(angle):
     radius=st.sampled_from([0.0, 0.0005, R, 0.02]),
     bulge=BULGES,
 )
-def test_from_inside_every_ray_lands_on_the_wall(x, y, angle, radius, bulge):
+def test_every_ray_from_inside_hits_the_wall(x, y, angle, radius, bulge):
     sides, wall = walls(bulge, radius)
     point, m = np.array([[(2 * x - 1) * 0.9 * A, (2 * y - 1) * 0.9 * B]]), ray(angle)
     assume(depth(sides, point)[0] < -1e-3)
     found = wall.gap_function(point, m)
     assert np.isfinite(found.gap).all() and found.gap[0] >= 0.0
     assert abs(depth(sides, point + found.gap[:, None] * m)[0]) < 1e-12
-    # An arc's normal is a difference of places over its radius, and rounds as both.
+    # The normal of an arc is a difference of positions over the radius, with their rounding.
     rounding = 8 * np.finfo(float).eps * max(1.0, A / radius if radius else 1.0)
     assert np.hypot(*found.normal[0]) == pytest.approx(1.0, abs=rounding)
     assert (found.normal @ m.T).item() > 0.0
@@ -74,7 +74,7 @@ def test_from_inside_every_ray_lands_on_the_wall(x, y, angle, radius, bulge):
     radius=st.sampled_from([0.0005, R]),
     bulge=BULGES,
 )
-def test_moving_along_the_ray_takes_the_way_off_the_gap(s, tilt, move, radius, bulge):
+def test_motion_along_the_ray_reduces_the_gap_equally(s, tilt, move, radius, bulge):
     _, wall = walls(bulge, radius)
     here = circle(0.04).gap_function(np.zeros((1, 2)), ray(2.0 * math.pi * s))
     m = ray(2.0 * math.pi * s + tilt)
@@ -106,18 +106,18 @@ def test_change_of_the_gap_is_that_of_the_tangent_plane(s, tilt, heading, bulge)
     assert slope == pytest.approx(expected, abs=2e-6)
 
 
-def test_quarter_turns_and_mirror_images_see_the_same():
-    """The whole, half and quarter section share one wall."""
+def test_mirrored_rays_have_the_same_gap():
+    """Full, half and quarter sections have the same wall."""
     _, wall = walls(0.0004, R)
     angles = np.linspace(0.01, 0.5 * math.pi - 0.01, 40)
     m = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     gap = wall.gap_function(0.03 * m, m).gap
     for flip in ([-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]):
-        other = wall.gap_function(0.03 * m * flip, m * flip).gap
-        assert other == pytest.approx(gap, rel=1e-14)
+        mirrored = wall.gap_function(0.03 * m * flip, m * flip).gap
+        assert mirrored == pytest.approx(gap, rel=1e-14)
 
 
-def test_sharp_corner_is_met_along_its_diagonal_and_beside():
+def test_sharp_corner_is_hit_on_and_off_its_diagonal():
     _, wall = walls(0.0, 0.0)
     m = np.array([[A, B]]) / math.hypot(A, B)
     assert wall.gap_function(np.zeros((1, 2)), m).gap[0] == pytest.approx(
@@ -129,8 +129,8 @@ def test_sharp_corner_is_met_along_its_diagonal_and_beside():
 
 
 @pytest.mark.parametrize("radius", [0.0, R])
-def test_face_is_known_beyond_the_corner(radius):
-    """A point that the closing wall has left beyond the other face still knows its own."""
+def test_gap_to_a_face_continues_beyond_the_corner(radius):
+    """A point that has penetrated both faces keeps the gap to its own face."""
     _, wall = walls(0.0, radius)
     outside = np.array([[A + 0.0002, B + 0.0003], [A + 0.0002, -B - 0.0003]])
     gap = wall.gap_function(outside, np.tile([1.0, 0.0], (2, 1))).gap
@@ -138,7 +138,7 @@ def test_face_is_known_beyond_the_corner(radius):
 
 
 def test_nearest_of_several_walls_counts():
-    """Two walls one behind the other: from between them, the nearer in either direction."""
+    """With two parallel walls the nearest counts, ahead or behind."""
     wall = Contour([Straight((1.0, -1.0), (1.0, 1.0)), Straight((2.0, -1.0), (2.0, 1.0))])
     points = np.array([[0.0, 0.0], [1.2, 0.0], [1.8, 0.0], [2.5, 0.0]])
     gap = wall.gap_function(points, np.tile([1.0, 0.0], (4, 1))).gap
@@ -151,21 +151,20 @@ def test_nearest_of_several_walls_counts():
     angle=st.floats(-4.0, 4.0),
     bulge=BULGES,
 )
-def test_no_result_is_ever_not_a_number(x, y, angle, bulge):
+def test_no_result_is_nan(x, y, angle, bulge):
     _, wall = walls(bulge, R)
     found = wall.gap_function(np.array([[x, y]]), ray(angle))
     assert not np.isnan(found.gap).any()
     assert np.isfinite(found.normal).all()
 
 
-def test_no_points_at_all():
-    """A rank without surface asks, too."""
+def test_empty_set_of_points_is_allowed():
+    """As on a rank without surface."""
     found = walls(0.0004, R)[1].gap_function(np.zeros((0, 2)), np.zeros((0, 2)))
     assert found.gap.shape == (0,) and found.normal.shape == (0, 2)
 
 
-def test_circle_seen_from_off_its_centre():
-    """Gap of an eccentric strand in a round mould, against the cosine rule."""
+def test_gap_of_an_eccentric_strand_obeys_the_cosine_rule():
     wall, offset = circle(0.1), np.array([0.003, -0.002])
     angles = np.linspace(0.0, 2.0 * math.pi, 97)
     m = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -187,7 +186,7 @@ def right_wall(x=1.0):
     return Straight((x, -1.0), (x, 1.0))
 
 
-def test_straight_wall_seen_straight_and_askew():
+def test_gap_to_a_straight_wall_is_exact():
     gap, normal = reach(right_wall(), (0.25, 0.1), (1.0, 0.0))
     assert gap == 0.75
     assert normal == pytest.approx([1.0, 0.0], abs=1e-15)
@@ -195,7 +194,7 @@ def test_straight_wall_seen_straight_and_askew():
     assert gap == pytest.approx(0.75 * math.sqrt(2.0), rel=1e-14)
 
 
-def test_straight_wall_behind_a_penetrated_point():
+def test_gap_behind_a_straight_wall_is_negative():
     gap, normal = reach(right_wall(), (1.125, 0.1), (1.0, 0.0))
     assert gap == -0.125
     assert normal == pytest.approx([1.0, 0.0], abs=1e-15)
@@ -204,22 +203,21 @@ def test_straight_wall_behind_a_penetrated_point():
 @pytest.mark.parametrize(
     ("point", "normal"),
     [
-        ((0.0, 0.0), (0.0, 1.0)),  # runs along the wall
-        ((0.0, 0.0), (-1.0, 0.0)),  # the wall would be entered from behind
+        ((0.0, 0.0), (0.0, 1.0)),  # parallel to the wall
+        ((0.0, 0.0), (-1.0, 0.0)),  # hits the wall from behind
         ((0.0, 0.9), (1.0, 1.0)),  # passes beyond its end
         ((math.nan, 0.0), (1.0, 0.0)),
         ((math.inf, 0.0), (1.0, 0.0)),
     ],
 )
-def test_straight_wall_that_is_not_met(point, normal):
+def test_missed_straight_wall_has_an_infinite_gap(point, normal):
     gap, found = reach(right_wall(), point, normal)
     assert gap == math.inf
     assert found == pytest.approx(np.array(normal) / np.hypot(*normal), rel=1e-14)
 
 
 @pytest.mark.parametrize("depth", [0.3, 1e-9, 0.0, -1e-9, -0.2])
-def test_arc_about_a_point_on_the_radius(depth):
-    """Along the radius the gap of a concentric arc is the difference of the radii."""
+def test_gap_of_concentric_arcs_is_the_difference_of_radii(depth):
     for radius, angle in product((0.005, 1.0, 1e4), (0.0, 0.3, 0.7)):
         half = radius / math.sqrt(2.0)
         arc = Circular((half, -half), (half, half), (0.0, 0.0))
@@ -230,8 +228,8 @@ def test_arc_about_a_point_on_the_radius(depth):
         assert normal == pytest.approx(ray, abs=1e-12), (radius, angle)
 
 
-def test_arc_of_other_curvature_than_the_strand():
-    """Strand corner of radius q about c inside a wall corner of radius r about C, along m."""
+def test_gap_to_an_arc_of_another_radius_is_exact():
+    """A strand corner of radius q about c in a wall corner of radius r about C, along m."""
     r, q, m = 0.005, 0.003, np.array([0.6, 0.8])
     wall = Circular((0.0625, 0.0575), (0.0575, 0.0625), (0.0575, 0.0575))
     c, centre = np.array([0.0590, 0.0588]), np.array([0.0575, 0.0575])
@@ -242,8 +240,8 @@ def test_arc_of_other_curvature_than_the_strand():
     assert normal == pytest.approx((offset + expected * m) / r, abs=1e-12)
 
 
-def test_bulging_arc_is_met_on_its_near_side():
-    """A wall that bulges into the cavity: the ray enters the circle where it meets the wall."""
+def test_convex_arc_is_hit_on_its_near_side():
+    """The wall bulges into the cavity, so the ray enters the circle at the wall."""
     fillet = Circular((1.0, 1.0), (-1.0, 1.0), (0.0, 2.0))
     radius = math.sqrt(2.0)
     gap, normal = reach(fillet, (0.25, 0.0), UP)
@@ -252,7 +250,7 @@ def test_bulging_arc_is_met_on_its_near_side():
 
 
 @pytest.mark.parametrize("x", [1.0, 1.0 - 1e-9, 1.0 + 1e-9, 1.2])
-def test_ray_tangent_to_an_arc_or_past_it_meets_nothing(x):
+def test_ray_tangent_to_an_arc_or_past_it_has_no_hit(x):
     half = Circular((1.0, -0.5), (1.0, 0.5), (0.0, 0.0)).radius
     arc = Circular((half, 0.0), (0.0, half), (0.0, 0.0))
     gap, _ = reach(arc, (half * x, 0.1), UP)
@@ -263,35 +261,35 @@ PARABOLA = Parabolic((1.0, 0.0), (0.0, 0.5), (-1.0, 0.0))  # y = (1 - x^2) / 2
 
 
 @pytest.mark.parametrize("x", [-1.0, -0.4, 0.0, 1e-9, 0.9, 1.0])
-def test_parabola_seen_along_its_axis(x):
+def test_gap_along_the_axis_of_a_parabola_is_exact(x):
     gap, normal = reach(PARABOLA, (x, -0.3), UP)
     assert gap == pytest.approx(0.5 * (1 - x * x) + 0.3, rel=1e-13)
     assert normal == pytest.approx(np.array([x, 1.0]) / math.hypot(x, 1.0), abs=1e-12)
 
 
-def test_parabola_seen_askew():
+def test_oblique_gap_to_a_parabola_is_exact():
     """From the origin along (1, 1): x = (1 - x^2) / 2, so x = sqrt(2) - 1."""
     gap, _ = reach(PARABOLA, (0.0, 0.0), (1.0, 1.0))
     assert gap == pytest.approx(math.sqrt(2.0) * (math.sqrt(2.0) - 1.0), rel=1e-14)
 
 
-def test_parabola_behind_a_penetrated_point():
+def test_gap_behind_a_parabola_is_negative():
     gap, _ = reach(PARABOLA, (0.5, 0.4), UP)
     assert gap == pytest.approx(0.375 - 0.4, rel=1e-13)
 
 
 @pytest.mark.parametrize("bulge", [0.0, 1e-17, 1e-9])
 @pytest.mark.parametrize("ray", [(0.0, 1.0), (0.4, 1.0), (-1.0, 0.3)])
-def test_parabola_that_degenerates_to_a_line(bulge, ray):
+def test_flat_parabola_is_a_straight_line(bulge, ray):
     nearly = Parabolic((1.0, 0.5), (0.0, 0.5 + bulge), (-1.0, 0.5))
     line = Straight((1.0, 0.5), (-1.0, 0.5))
     for x in (-0.3, 0.0, 0.6):
-        one, other = reach(nearly, (x, 0.45), ray), reach(line, (x, 0.45), ray)
-        assert one[0] == pytest.approx(other[0], abs=4.0 * bulge + 1e-14)
-        assert one[1] == pytest.approx(other[1], abs=4.0 * bulge + 1e-14)
+        found, expected = reach(nearly, (x, 0.45), ray), reach(line, (x, 0.45), ray)
+        assert found[0] == pytest.approx(expected[0], abs=4.0 * bulge + 1e-14)
+        assert found[1] == pytest.approx(expected[1], abs=4.0 * bulge + 1e-14)
 
 
-def test_parabola_with_its_middle_point_off_centre_still_lies_on_its_points():
+def test_asymmetric_parabola_passes_through_its_points():
     skew = Parabolic((1.0, 0.0), (0.2, 0.6), (-1.0, 0.2))
     for point in skew.points(9):
         gap, _ = reach(skew, point - np.array([0.0, 0.25]), UP)
@@ -302,13 +300,13 @@ def test_parabola_with_its_middle_point_off_centre_still_lies_on_its_points():
     ("point", "ray"),
     [
         ((0.0, 0.5), (1.0, 0.0)),  # tangent at the top
-        ((0.0, 0.6), (1.0, 0.0)),  # no root at all
+        ((0.0, 0.6), (1.0, 0.0)),  # no root
         ((2.0, 0.0), (0.0, 1.0)),  # root beyond the end
-        ((0.0, 0.0), (0.0, -1.0)),  # wrong way round
+        ((0.0, 0.0), (0.0, -1.0)),  # opposite direction
         ((0.0, math.nan), (0.0, 1.0)),
     ],
 )
-def test_parabola_that_is_not_met(point, ray):
+def test_missed_parabola_has_an_infinite_gap(point, ray):
     gap, normal = reach(PARABOLA, point, ray)
     assert gap == math.inf
     assert np.isfinite(normal).all()
@@ -324,12 +322,12 @@ def test_parabola_that_is_not_met(point, ray):
         (lambda: PlaneWall((0.0, 0.0), (0.0, 0.0)), "direction"),
     ],
 )
-def test_impossible_segments_are_refused(build, words):
+def test_invalid_segments_are_rejected(build, words):
     with pytest.raises(ValueError, match=words):
         build()
 
 
-def test_plane_wall_of_any_slope_that_closes():
+def test_gap_to_a_closing_plane_wall_is_exact():
     slope = np.array([3.0, 4.0]) / 5.0
     wall = PlaneWall((0.6, 0.8), (3.0, 4.0), closing=0.1)
     points = np.array([[0.0, 0.0], [0.9, 1.2], [5.0, -3.0]])
@@ -341,7 +339,7 @@ def test_plane_wall_of_any_slope_that_closes():
 
 
 def arc(radius, *angles, centre=(0.0, 0.0)):
-    """An arc of a radius about a centre from one angle to another."""
+    """Return an arc of a radius about a centre from one angle to another."""
     ends = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in angles]
     return Circular(*ends, centre)
 
@@ -356,7 +354,7 @@ def arc(radius, *angles, centre=(0.0, 0.0)):
         (Parabolic((1.0, -0.5), (0.9, 0.1), (1.0, 0.6)), -1),
     ],
 )
-def test_curvature_is_how_fast_the_normal_turns(segment, sign):
+def test_curvature_is_the_change_of_the_normal(segment, sign):
     contour, step = Contour([segment]), 1e-5
     points = np.column_stack([np.full(6, 0.6), np.linspace(-0.2, 0.3, 6)])
     right = np.broadcast_to([1.0, 0.0], points.shape)

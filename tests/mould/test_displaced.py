@@ -1,4 +1,4 @@
-"""Displaced walls: against moulds of the same shape, in case files, and their mistakes."""
+"""Displaced walls: compared with moulds of the same shape, in case files, invalid input."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BULGED = RectangleCavity(0.125, 0.11, 0.006)
 
 
 def displaced(cavity: RectangleCavity | RoundCavity, by: float) -> DisplacedMould:
-    """A mould whose wall is `by` times as far from its axis as its cavity's."""
+    """Return a mould whose wall is `by` times as far from the axis as that of its cavity."""
     start = sides_of(cavity, TAPER, 0.0)
     places = Places.spread(start, 5, 6)
     positions = np.linspace(0.0, 0.6, 7)
@@ -42,7 +42,7 @@ def displaced(cavity: RectangleCavity | RoundCavity, by: float) -> DisplacedMoul
 
 
 def rays(count: int = 200) -> tuple[Array, Array]:
-    """Points within every cavity below and directions all round."""
+    """Return points inside every cavity used here, and directions all round."""
     angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return 0.04 * unit, unit
@@ -50,18 +50,16 @@ def rays(count: int = 200) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("cavity", [SQUARE, BULGED, RoundCavity(0.12)])
 @pytest.mark.parametrize("by", [1.0, 1.003])
-def test_wall_that_grows_alike_is_that_of_free_expansion(
-    cavity: RectangleCavity | RoundCavity, by: float
-) -> None:
+def test_uniform_growth_is_free_expansion(cavity: RectangleCavity | RoundCavity, by: float) -> None:
     expansion = Expansion((by - 1.0) / 100.0, 300.0, Constant(400.0))
     plain, shaped = Mould(cavity, 0.6, TAPER, None, expansion), displaced(cavity, by)
     points, normals = rays()
     for position in (0.0, 0.237, 0.6):
-        wanted = plain.gap_function(points, normals, position)
+        expected = plain.gap_function(points, normals, position)
         found = shaped.gap_function(points, normals, position)
-        # Arcs are parabolas of a few degrees each here, 0.3 um off a circle of 60 mm.
-        assert found.gap == pytest.approx(wanted.gap, abs=1e-6)
-        assert (found.normal * wanted.normal).sum(axis=1) == pytest.approx(1.0, abs=1e-4)
+        # Here arcs are parabolas of a few degrees each, 0.3 um off a circle of 60 mm.
+        assert found.gap == pytest.approx(expected.gap, abs=1e-6)
+        assert (found.normal * expected.normal).sum(axis=1) == pytest.approx(1.0, abs=1e-4)
         assert shaped.dimensions(position) == pytest.approx(plain.dimensions(position), abs=1e-7)
         assert shaped.marks(position) == pytest.approx(plain.marks(position), abs=1e-7)
     assert np.isinf(shaped.gap_function(points, normals, 0.7).gap).all()
@@ -72,8 +70,8 @@ def test_dimensions_as_made_are_those_of_the_drawing() -> None:
     assert shaped.dimensions(0.3, as_made=True) == Mould(SQUARE, 0.6, TAPER).dimensions(0.3)
 
 
-def test_bulged_wall_is_met_where_it_stands() -> None:
-    """A wall that bulges by a parabola along its face: the gap grows by it, the normal turns."""
+def test_gap_and_normal_of_a_bulged_wall_are_exact() -> None:
+    """The wall bulges by a parabola, which adds to the gap and tilts the normal."""
     start = sides_of(SQUARE, TAPER, 0.0)
     places = Places.spread(start, 8, 4)
     points, _ = places.on(start)
@@ -92,7 +90,7 @@ def test_bulged_wall_is_met_where_it_stands() -> None:
     assert west.gap == pytest.approx(found.gap, abs=1e-12)
 
 
-def test_between_positions_the_wall_is_smooth() -> None:
+def test_wall_is_smooth_between_positions() -> None:
     start = sides_of(SQUARE, TAPER, 0.0)
     ways = Places.spread(start, 2, 2).ways(start)
     z = np.linspace(0.0, 0.6, 25)
@@ -107,7 +105,7 @@ def test_between_positions_the_wall_is_smooth() -> None:
     assert wall.less(0.15).at(0.15) == pytest.approx(0.0, abs=1e-18)
 
 
-def test_file_and_columns_read_back(tmp_path: Path) -> None:
+def test_file_and_columns_are_read_back(tmp_path: Path) -> None:
     shape = displaced(SQUARE, 1.002).displacement
     path = tmp_path / "wall.csv"
     write_wall(path, shape, "a wall")
@@ -120,7 +118,7 @@ def test_file_and_columns_read_back(tmp_path: Path) -> None:
     assert shape != again and shape != 1
 
 
-def test_case_takes_it_and_is_the_same_when_read_again(write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_case_with_a_displaced_wall_is_unchanged_when_reread(write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     shape = displaced(SQUARE, 1.002).displacement
     write_wall(tmp_path / "wall.csv", shape, "a wall")
     lines = 'taper = "1 %/m"\ncondition = "cold"\ndisplacement = { file = "wall.csv" }'
@@ -131,10 +129,10 @@ def test_case_takes_it_and_is_the_same_when_read_again(write, tmp_path: Path) ->
     assert found.dimensions(0.3) == pytest.approx(
         displaced(SQUARE, 1.002).dimensions(0.3), abs=1e-9
     )
-    other = tmp_path / "elsewhere"
-    other.mkdir()
-    (other / "again.toml").write_text(case.resolved_toml())
-    again = load_case(other / "again.toml")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "again.toml").write_text(case.resolved_toml())
+    again = load_case(elsewhere / "again.toml")
     assert again.mould == case.mould
     assert again.physics_hash() == case.physics_hash()
     assert from_document(case.document()).physics_hash() == case.physics_hash()
@@ -167,16 +165,16 @@ WRONG = {
 
 
 @pytest.mark.parametrize("which", WRONG)
-def test_mistakes_are_told_in_one_line(write, tmp_path: Path, which: str) -> None:  # type: ignore[no-untyped-def]
+def test_invalid_files_are_rejected_in_one_line(write, tmp_path: Path, which: str) -> None:  # type: ignore[no-untyped-def]
     text, words = WRONG[which]
     (tmp_path / "wall.csv").write_text(text)
-    with pytest.raises(InputError, match=words) as told:
+    with pytest.raises(InputError, match=words) as caught:
         load_case(write('displacement = { file = "wall.csv" }'))
-    assert str(told.value).count("\n") == 0 and "mould.displacement" in str(told.value)
+    assert str(caught.value).count("\n") == 0 and "mould.displacement" in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("value", "words"),
     [
         ('"wall.csv"', "a displaced wall is needed"),
         ('{ file = "none.csv" }', "the displaced wall '.*none.csv': file not found"),
@@ -184,9 +182,9 @@ def test_mistakes_are_told_in_one_line(write, tmp_path: Path, which: str) -> Non
         ("{ position = [0], way = [0], x = [0], y = [0, 1], unit = 'mm' }", "equally long"),
     ],
 )
-def test_wrong_columns(write, given: str, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_invalid_columns_are_rejected(write, value: str, words: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=words):
-        load_case(write(f"displacement = {given}"))
+        load_case(write(f"displacement = {value}"))
 
 
 @pytest.mark.parametrize(
@@ -198,7 +196,7 @@ def test_wrong_columns(write, given: str, words: str) -> None:  # type: ignore[n
         ('thickness = "10 mm"\nsupport = "glued"', "support"),
     ],
 )
-def test_tube_that_cannot_be(write, lines: str, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_invalid_tubes_are_rejected(write, lines: str, words: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=words):
         load_case(write(f"[mould.tube]\n{lines}"))
 

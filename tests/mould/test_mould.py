@@ -1,4 +1,4 @@
-"""Taper by (300), the mould along its length, and a block that shrinks inside it.
+"""Taper by (300), the mould along its length, and a contracting block inside it.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -35,25 +35,25 @@ def moved(positions, closing):
     return Displaced(Table("position", positions, closing))
 
 
-def mould(*courses, cavity=BILLET, length=L, **other):
-    tapers = same(courses[0]) if len(courses) == 1 else Tapers(*courses)
-    return Mould(cavity, length, tapers, **other)
+def mould(*dimensions, cavity=BILLET, length=L, **options):
+    tapers = same(dimensions[0]) if len(dimensions) == 1 else Tapers(*dimensions)
+    return Mould(cavity, length, tapers, **options)
 
 
 def face(points=(0.0,), x=0.0625):
-    """Points of the narrow face with their normals."""
+    """Return points of the narrow face with their normals."""
     p = np.array([[x, y] for y in points])
     return p, np.tile([1.0, 0.0], (len(p), 1))
 
 
-def test_thesis_numbers_of_the_definition():
-    """(302): 125 to 125.4 mm in 0.6 m; (303): the diagonal, 172.65 to 172.18 mm in 0.475 m."""
+def test_tapers_have_the_values_of_the_thesis():
+    """(302): 125 to 125.4 mm in 0.6 m; (303): diagonal 172.65 to 172.18 mm in 0.475 m."""
     assert 100 * taper_between(0.125, 0.1254, 0.6) == pytest.approx(-0.53, abs=0.002)
     assert 100 * taper_between(0.17265, 0.17218, 0.475) == pytest.approx(0.57, abs=0.005)
 
 
 @pytest.mark.parametrize("percent", [3.0, 0.0, -1.0, -10.0])
-def test_single_taper_is_what_300_gives_back(percent):
+def test_single_taper_satisfies_300(percent):
     single = mould(Taper.single(percent / 100, L))
     zones = {z.dimension: z for z in single.zones()}
     assert set(zones) == {"width", "height", "diagonal"}
@@ -73,7 +73,7 @@ def test_diagonal_of_the_billet_is_that_of_the_thesis():
     )
 
 
-def test_double_and_triple_taper_hold_zone_by_zone():
+def test_triple_taper_holds_in_each_zone():
     tapers = (0.02, 0.008, -0.003)
     ends = (0.2, 0.35, L)
     triple = mould(Taper(tuple(TaperSegment(e, t, t) for e, t in zip(ends, tapers, strict=True))))
@@ -86,7 +86,7 @@ def test_double_and_triple_taper_hold_zone_by_zone():
     assert w[0] > w[1] > w[2] and w[0] - w[2] < 1e-10
 
 
-def test_parabolic_taper_goes_linearly_from_top_to_exit():
+def test_parabolic_taper_is_linear_from_top_to_exit():
     top, exit_ = 0.02, 0.004
     parabola = mould(Taper((TaperSegment(L, top, exit_),)))
     zone = next(z for z in parabola.zones() if z.dimension == "width")
@@ -98,8 +98,8 @@ def test_parabolic_taper_goes_linearly_from_top_to_exit():
         assert local == pytest.approx(top + (exit_ - top) * z / L, rel=1e-7)
 
 
-def test_width_and_height_taper_apart():
-    """A slab: the narrow faces close, the wide ones do not."""
+def test_width_and_height_have_separate_tapers():
+    """In a slab mould only the narrow faces approach each other."""
     slab = mould(
         Taper.single(0.01, 0.9),
         Taper.single(0.0, 0.9),
@@ -115,8 +115,8 @@ def test_width_and_height_taper_apart():
     )
 
 
-def test_corner_taper_of_its_own_bends_the_faces():
-    """Ends by the corner's taper, middle by the face's, a parabola between them."""
+def test_separate_corner_taper_curves_the_faces():
+    """Ends by the taper of the corner, middle by that of the face, a parabola between them."""
     own = mould(Taper.single(0.01, L), Taper.single(0.01, L), Taper.single(0.03, L))
     tapers = {z.dimension: z.taper for z in own.zones()}
     assert tapers["width"] == pytest.approx(0.01, rel=1e-12)
@@ -138,19 +138,19 @@ def test_equal_tapers_at_face_and_corner_keep_the_faces_plane():
     assert any(isinstance(s, Straight) for s in mould(one, one, one).contour(L).segments)
 
 
-def strand(shrunk, fractions):
-    """Points and normals of a billet shrunk to a scale: a face, the corner's arc, the next face."""
+def strand(scale, fractions):
+    """Return points and normals of a scaled billet: a face, the corner arc, the next face."""
     flat = 0.5 * W - R
     angle = 0.5 * math.pi * fractions
     arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     right = np.stack([np.full_like(angle, 0.5 * W), flat * fractions], axis=1)
     points = np.concatenate([right, flat + R * arc, right[:, ::-1]])
     east = np.tile([1.0, 0.0], (len(angle), 1))
-    return shrunk * points, np.concatenate([east, arc, east[:, ::-1]])
+    return scale * points, np.concatenate([east, arc, east[:, ::-1]])
 
 
-def test_tapered_wall_against_a_freely_shrinking_block():
-    """Both shrink about the centre: faces part by the difference, corners as two circles do."""
+def test_gap_of_a_contracting_block_in_a_tapered_mould():
+    """Both contract about the centre: flat gaps at the faces, two circles at the corners."""
     taper, pull = 0.01, 0.004
     single = mould(Taper.single(taper, L))
     fractions = np.linspace(0.0, 1.0, 11)
@@ -159,19 +159,19 @@ def test_tapered_wall_against_a_freely_shrinking_block():
         points, normals = strand(e, fractions)
         gap = single.gap_function(points, normals, z).gap
         face_gap = 0.5 * W * (s - e)
-        # A plane face ends where the wall's does: behind it the ray meets the wall's corner.
+        # Beyond the end of the plane wall the ray hits the corner of the wall.
         flat = np.array([True] * 10 + [s >= e])
         assert gap[:11][flat] == pytest.approx(face_gap, rel=1e-11, abs=1e-16)
         offset = e * (0.5 * W - R) - s * (0.5 * W - R) + e * R * normals[11:22]
         along = (offset * normals[11:22]).sum(axis=1)
         beside = (offset**2).sum(axis=1) - along**2
-        # By the wall's arc, where the ray meets it and not a face beyond.
+        # Distance to the arc of the wall, where the ray hits the arc.
         circle = -along + np.sqrt((s * R) ** 2 - beside)
         assert gap[12:21] == pytest.approx(circle[1:10], rel=1e-9, abs=1e-15)
 
 
-def test_time_at_which_the_shrinking_block_leaves_the_wall():
-    """Shrinkage k sqrt(z) against a linear taper: the wall catches up where they are equal."""
+def test_wall_catches_up_with_the_contracting_block():
+    """Contraction by k sqrt(z) and a linear taper are equal where the wall catches up."""
     taper, k = 0.01, 0.006
     single = mould(Taper.single(taper, L))
     points, normals = face((0.01,))
@@ -189,7 +189,7 @@ def test_time_at_which_the_shrinking_block_leaves_the_wall():
     assert low == pytest.approx(caught, rel=1e-12)
 
 
-def test_step_in_the_wall():
+def test_step_in_the_wall_is_a_step_of_the_gap():
     step = mould(moved((0.0, 0.3, 0.3001), (0.0, 0.0, 0.0005)))
     points, normals = face()
     gaps = [step.gap_function(points, normals, z).gap[0] for z in (0.1, 0.3, 0.30005, 0.3001, L)]
@@ -202,7 +202,7 @@ def test_displacement_counts_from_the_meniscus():
     assert measured.dimensions(L)["width"] == pytest.approx(W - 2 * 0.0003, rel=1e-14)
 
 
-def test_round_mould():
+def test_taper_of_a_round_mould_is_that_of_its_diameter():
     bloom = mould(Taper.single(0.01, 0.7), cavity=RoundCavity(0.2), length=0.7)
     (zone,) = bloom.zones()
     assert (zone.dimension, zone.taper) == ("diameter", pytest.approx(0.01, rel=1e-12))
@@ -211,8 +211,8 @@ def test_round_mould():
     assert bloom.gap_function(0.1 * m, m, 0.7).gap == pytest.approx(0.1 / 1.007 - 0.1, rel=1e-12)
 
 
-def test_free_shape_is_mirrored_into_a_closed_contour():
-    """A quarter with a concave corner, as of a beam blank: same gap in all four quadrants."""
+def test_free_shape_is_mirrored_to_a_closed_contour():
+    """A quarter with a concave corner, as of a beam blank: equal gaps in all quadrants."""
     quarter = (
         Straight((0.2, 0.0), (0.2, 0.15)),
         Straight((0.2, 0.15), (0.1, 0.15)),
@@ -247,7 +247,7 @@ def test_cold_mould_expands_by_its_temperature():
     assert cold.zones()[0].taper == pytest.approx((1.006 * ratio - 1) / L, rel=1e-12)
 
 
-def test_below_its_end_there_is_no_wall():
+def test_below_the_mould_the_gap_is_infinite():
     single = mould(Taper.single(0.01, L))
     points, normals = face()
     assert np.isfinite(single.gap_function(points, normals, L * (1 + 1e-12)).gap).all()
@@ -256,7 +256,7 @@ def test_below_its_end_there_is_no_wall():
     assert single.gap_function(points, normals, -0.1).gap[0] == 0.0
 
 
-def test_wall_temperature_along_the_mould():
+def test_wall_temperature_is_interpolated():
     table = Table("position", (0.1, 0.5), (400.0, 440.0))
     single = mould(Taper.single(0.0, L), wall_temperature=table)
     assert [single.temperature(z) for z in (0.0, 0.2, L)] == pytest.approx([400.0, 410.0, 440.0])
@@ -274,6 +274,6 @@ def test_wall_temperature_along_the_mould():
         (lambda: Table("position", (0.2, 0.1), (0.0, 1.0)), "must increase"),
     ],
 )
-def test_impossible_moulds_are_refused(build, words):
+def test_invalid_moulds_are_rejected(build, words):
     with pytest.raises(ValueError, match=words):
         build()

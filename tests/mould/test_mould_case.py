@@ -1,6 +1,6 @@
-"""The table [mould]: what it says, that it survives being written, its mistakes.
+"""The table [mould]: its contents, writing and reading back, and invalid input.
 
-A mould of the strand's own size touches the surface of the strand's mesh everywhere. Equation
+A mould of the size of the strand touches the surface of its mesh everywhere. Equation
 numbers are those of [Pascon2003] (docs/references.md).
 """
 
@@ -44,14 +44,14 @@ def built(path):
 
 
 def tapers(path):
-    """Taper in %/m over each zone, by dimension."""
+    """Return the taper in %/m over each zone, by dimension."""
     found = {}
     for zone in built(path).zones():
         found.setdefault(zone.dimension, []).append(100 * zone.taper)
     return found
 
 
-SOUND = {
+VALID = {
     "nothing": "",
     "one line": 'taper = "1 %/m"',
     "percent": 'taper = "-3 percent/m"',
@@ -77,8 +77,8 @@ def validator():
     return jsonschema.Draft202012Validator(case_schema())
 
 
-@pytest.mark.parametrize("lines", SOUND.values(), ids=SOUND)
-def test_sound_tables_survive_being_written(lines, write, tmp_path, validator):
+@pytest.mark.parametrize("lines", VALID.values(), ids=VALID)
+def test_valid_tables_are_unchanged_when_reread(lines, write, tmp_path, validator):
     path = write(lines)
     case = load_case(path)
     copy = tmp_path / "resolved.toml"
@@ -97,62 +97,62 @@ def test_without_a_table_the_mould_is_idealised(write):
     assert "mould" not in case.document()
 
 
-def test_default_is_a_straight_mould_of_the_strands_size(write):
+def test_default_is_a_straight_mould_of_the_strand_size(write):
     mould = built(write())
     assert tapers(write()) == {"width": [0.0], "height": [0.0], "diagonal": [0.0]}
     assert mould.dimensions(0.3)["width"] == 0.125
     assert mould.wall_temperature is None
 
 
-def test_tapers_as_written_are_those_300_gives(write):
-    assert tapers(write(SOUND["one line"]))["width"] == pytest.approx([1.0], rel=1e-12)
-    double = tapers(write(SOUND["double"]))["width"]
+def test_tapers_satisfy_300(write):
+    assert tapers(write(VALID["one line"]))["width"] == pytest.approx([1.0], rel=1e-12)
+    double = tapers(write(VALID["double"]))["width"]
     assert double[:2] == pytest.approx([0.0, 0.57], rel=1e-12)
-    assert tapers(write(SOUND["parabola"]))["width"] == pytest.approx([1.2], rel=1e-12)
-    corner = tapers(write(SOUND["corner"]))
+    assert tapers(write(VALID["parabola"]))["width"] == pytest.approx([1.2], rel=1e-12)
+    corner = tapers(write(VALID["corner"]))
     assert corner["width"] == pytest.approx([-0.53], rel=1e-12)
     assert corner["diagonal"] == pytest.approx([0.4], rel=1e-12)
-    slab = tapers(write(SOUND["slab"]))
+    slab = tapers(write(VALID["slab"]))
     assert (slab["width"], slab["height"]) == (pytest.approx([1.0], rel=1e-12), [0.0])
 
 
 def test_table_of_displacements_becomes_a_displaced_wall(write):
-    mould = built(write(SOUND["step"]))
+    mould = built(write(VALID["step"]))
     assert mould.tapers.width == Displaced(Table("position", (0.0, 0.3, 0.301), (0.0, 0.0, 0.0005)))
     assert mould.dimensions(0.6)["width"] == pytest.approx(0.124, rel=1e-14)
 
 
 def test_override_and_inheritance_change_the_taper(write):
-    case = load_case(write(SOUND["one line"]), ["mould.taper=3 %/m"])
+    case = load_case(write(VALID["one line"]), ["mould.taper=3 %/m"])
     assert build_mould(case.mould, case.section).zones()[0].taper == pytest.approx(0.03)
-    other = case.with_({"mould.taper": {"top": "2 %/m", "exit": "1 %/m"}})
-    assert build_mould(other.mould, other.section).zones()[0].taper == pytest.approx(0.015)
-    assert other.physics_hash() != case.physics_hash()
-    apart = other.with_({"mould.taper": {"face": "1 %/m", "corner": "2 %/m"}})
-    apart = apart.with_({"mould.taper.corner": "3 %/m"})
-    zones = {z.dimension: z for z in build_mould(apart.mould, apart.section).zones()}
+    parabolic = case.with_({"mould.taper": {"top": "2 %/m", "exit": "1 %/m"}})
+    assert build_mould(parabolic.mould, parabolic.section).zones()[0].taper == pytest.approx(0.015)
+    assert parabolic.physics_hash() != case.physics_hash()
+    separate = parabolic.with_({"mould.taper": {"face": "1 %/m", "corner": "2 %/m"}})
+    separate = separate.with_({"mould.taper.corner": "3 %/m"})
+    zones = {z.dimension: z for z in build_mould(separate.mould, separate.section).zones()}
     assert zones["width"].taper == pytest.approx(0.01)
     assert zones["diagonal"].taper == pytest.approx(0.03)
 
 
-def test_wall_temperature_along_the_mould(write):
-    mould = built(write(SOUND["temperatures"]))
+def test_wall_temperature_is_interpolated(write):
+    mould = built(write(VALID["temperatures"]))
     assert mould.temperature(0.05) == pytest.approx(160 + 273.15)
     assert mould.temperature(0.35) == pytest.approx(170 + 273.15)
 
 
-def test_cold_mould_is_filled_by_the_strand_when_hot(write):
+def test_cold_mould_has_the_strand_size_when_hot(write):
     mould = built(write('condition = "cold"\nwall_temperature = "160 degC"\ntaper = "1 %/m"'))
     assert mould.dimensions(0.0)["width"] == pytest.approx(0.125, rel=1e-15)
     cold = 0.125 / (1 + 17e-6 * 135)
     assert mould.dimensions(0.0, as_made=True)["width"] == pytest.approx(cold, rel=1e-14)
-    given = built(
+    sized = built(
         write('condition = "cold"\nwall_temperature = "160 degC"\nwidth = "125 mm"\n')
     ).dimensions(0.3)
-    assert given["width"] == pytest.approx(0.125 * (1 + 17e-6 * 135), rel=1e-14)
+    assert sized["width"] == pytest.approx(0.125 * (1 + 17e-6 * 135), rel=1e-14)
 
 
-def test_mean_temperature_of_the_copper_is_what_expands_it(write):
+def test_expansion_is_by_the_mean_copper_temperature(write):
     lines = 'condition = "cold"\nwall_temperature = "160 degC"\n'
     lines += 'width = "125 mm"\n[mould.copper]\ntemperature = "120 degC"\ncold = "20 degC"'
     assert built(write(lines)).dimensions(0.0)["width"] == pytest.approx(
@@ -160,21 +160,21 @@ def test_mean_temperature_of_the_copper_is_what_expands_it(write):
     )
 
 
-def test_round_and_beam_blank(write):
+def test_round_and_beam_blank_moulds_are_built(write):
     table = Mould.model_validate({"length": "600 mm", "taper": "1 %/m"})
     bloom = build_mould(table, Round.model_validate({"shape": "round", "diameter": "200 mm"}))
     (zone,) = bloom.zones()
     assert (zone.dimension, zone.inlet) == ("diameter", 0.2)
     assert zone.taper == pytest.approx(0.01, rel=1e-12)
-    blank = built(write(SOUND["one line"], BEAM_BLANK))
+    blank = built(write(VALID["one line"], BEAM_BLANK))
     assert blank.dimensions(0.0) == pytest.approx({"width": 0.4, "height": 0.3}, rel=1e-14)
     assert isinstance(blank.tapers.width, Taper)
     found = blank.gap_function([[0.0, 0.045], [0.19, 0.0]], [[0.0, 1.0], [1.0, 0.0]], 0.6)
     assert found.gap == pytest.approx([0.05 / 1.006 - 0.045, 0.2 / 1.006 - 0.19], rel=1e-12)
 
 
-def test_friction_laws_as_contact_computes_them(write):
-    """Stress at the given speed; share of p0 / sqrt(3) where (236) limits it."""
+def test_friction_laws_have_their_thresholds(write):
+    """Also the viscous stress at a speed, and the limit (236), a share of p0 / sqrt(3)."""
     pressure, rate = np.array([1e6]), np.array([0.06])
 
     def law(lines):
@@ -197,7 +197,7 @@ def test_friction_laws_as_contact_computes_them(write):
     assert both.excess(rate)[0] == pytest.approx(2e4 * math.sqrt(2.0))
 
 
-# lines of [mould], the dotted key, words of the message
+# Lines of [mould], the dotted key, words of the message.
 MISTAKES = {
     "no unit": ('taper = "1"', "taper", ['("1")', "needs its unit", '"1 %/m"']),
     "no divisor": ('taper = "2 %"', "taper", ['("2 %")', "did you mean %/m?"]),
@@ -235,7 +235,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize(("lines", "key", "words"), MISTAKES.values(), ids=MISTAKES)
-def test_mistakes_are_told_in_one_line(lines, key, words, write):
+def test_invalid_input_is_rejected_in_one_line(lines, key, words, write):
     path = write(lines)
     with pytest.raises(InputError) as caught:
         load_case(path)
@@ -254,19 +254,19 @@ def test_mistakes_are_told_in_one_line(lines, key, words, write):
         (STRIP, "", "a strip has no mould"),
     ],
 )
-def test_what_a_section_does_not_have(section, lines, words, write):
+def test_keys_of_another_section_are_rejected(section, lines, words, write):
     with pytest.raises(InputError) as caught:
         load_case(write(lines, section))
     assert any(words in line for line in caught.value.problems)
 
 
-def test_an_impossible_section_is_not_blamed_on_the_taper(write):
+def test_invalid_section_is_reported_as_such(write):
     with pytest.raises(InputError) as caught:
         load_case(write("", '[section]\ncorner_radius = "70 mm"\n'))
     assert [line.split(": ")[1] for line in caught.value.problems] == ["section.corner_radius"]
 
 
-def test_length_is_needed(write):
+def test_length_is_required(write):
     path = write('taper = "1 %/m"')
     path.write_text(path.read_text().replace('length = "600 mm"\n', ""))
     with pytest.raises(InputError, match=r"mould\.length: is missing"):
@@ -304,8 +304,8 @@ SECTIONS = {
 
 @pytest.mark.parametrize("symmetry", ["quarter", "half", "whole"])
 @pytest.mark.parametrize("name", SECTIONS)
-def test_facets_of_the_mesh_lie_on_the_wall(name, symmetry):
-    """At the middle of a facet the gap is what the chord leaves of the arc, at most h^2 / 8 r."""
+def test_facets_of_the_mesh_are_on_the_wall(name, symmetry):
+    """The gap in the middle of a facet is the sagitta of the arc, at most h^2 / 8 r."""
     model, lengths = SECTIONS[name]
     shape = {"Rectangle": "rectangle", "Round": "round", "BeamBlank": "beam_blank"}[model.__name__]
     written = {key: f"{value} mm" for key, value in lengths.items()}

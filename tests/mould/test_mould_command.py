@@ -1,4 +1,4 @@
-"""`castfem mould` and `castfem mould --hot`: numbers printed, pictures, files, mistakes."""
+"""`castfem mould` and `castfem mould --hot`: printed values, pictures, files, invalid input."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def rows(printed):
-    """The table of tapers: lines of name, from, to, inlet, outlet, taper."""
+    """Return the rows of the table of tapers: name, from, to, inlet, outlet, taper."""
     lines = [line for line in printed.splitlines() if line.endswith(tuple("0123456789"))]
     split = [line.rsplit(maxsplit=5) for line in lines]
     return [(r[0], *map(float, r[1:])) for r in split if r[0].startswith(("mid", "corner", "diam"))]
 
 
-def test_prints_the_taper_and_draws_it(castfem, write, tmp_path):
+def test_taper_is_printed_and_drawn(castfem, write, tmp_path):
     status, out, _ = castfem("mould", write('taper = "1 %/m"'))
     assert status == 0
     assert rows(out) == [
@@ -34,7 +34,7 @@ def test_prints_the_taper_and_draws_it(castfem, write, tmp_path):
     assert (tmp_path / "case_mould.png").read_bytes().startswith(PNG)
 
 
-def test_prints_every_zone_and_the_whole(castfem, write):
+def test_every_zone_and_the_total_are_printed(castfem, write):
     path = write('taper = { face = "-0.53 %/m", corner = [{ to = "225 mm", taper = "0 %/m" }, '
                  '{ taper = "0.57 %/m" }] }')  # fmt: skip
     status, out, _ = castfem("mould", path, "-o", "m.svg")
@@ -47,12 +47,12 @@ def test_prints_every_zone_and_the_whole(castfem, write):
     ]
 
 
-def test_override_of_the_taper(castfem, write):
+def test_taper_can_be_overridden(castfem, write):
     _, out, _ = castfem("mould", write(), "--set", "mould.taper=-3 %/m", "-o", "m.png")
     assert rows(out)[0] == ("mid-face, width", 0.0, 600.0, 125.0, 127.291, -3.0)
 
 
-def test_cold_mould_is_told_as_made_too(castfem, write):
+def test_cold_mould_is_also_printed_as_made(castfem, write):
     path = write('taper = "1 %/m"\ncondition = "cold"\nwall_temperature = { position = [0, 600], '
                  'position_unit = "mm", value = [200, 100], unit = "degC" }')  # fmt: skip
     _, out, _ = castfem("mould", path, "-o", "m.png")
@@ -64,7 +64,7 @@ def test_cold_mould_is_told_as_made_too(castfem, write):
     assert "--hot" not in out
 
 
-def test_case_with_a_tube_says_which_command_bends_it(castfem, write):
+def test_case_with_a_tube_names_the_hot_command(castfem, write):
     _, out, _ = castfem("mould", write('[mould.tube]\nthickness = "10 mm"'), "-o", "m.png")
     assert out.count("as heat distorts its copper tube: castfem mould ") == 1 and " --hot\n" in out
 
@@ -82,7 +82,7 @@ def test_case_with_a_tube_says_which_command_bends_it(castfem, write):
         ),
     ],
 )
-def test_mistakes(words, message, castfem, write):
+def test_invalid_input_is_rejected_in_one_line(words, message, castfem, write):
     write('taper = "1 %/m"')
     status, _, err = castfem("mould", *words)
     assert status == 1
@@ -100,7 +100,9 @@ def test_mistakes(words, message, castfem, write):
         ),
     ],
 )
-def test_a_picture_of_no_format_is_refused_before_a_run(command, work, castfem, write, monkeypatch):
+def test_unknown_picture_format_is_rejected_before_a_run(
+    command, work, castfem, write, monkeypatch
+):
     write('taper = "1 %/m"')
 
     def run(*_: object) -> None:
@@ -125,14 +127,14 @@ flux = "2 MW/m^2"
 
 
 def table(printed):
-    """Rows of the table of dimensions."""
+    """Return the rows of the table of dimensions."""
     lines = printed.splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("position [mm]"))
     return [[float(cell) for cell in line.split()] for line in lines[start + 2 : start + 15]]
 
 
-def test_the_outline_that_is_drawn_is_that_of_the_mould():
-    """Its distortion is drawn 40 times as large, and so is what the outline misses of a face."""
+def test_drawn_outline_is_that_of_the_mould():
+    """The distortion is drawn 40 times as large, and so are errors of the outline."""
     case = load_case(Path(__file__).parents[2] / "cases" / "billet125" / "hot.toml")
     cavity = build_mould(case.mould, case.section)
     angle = np.linspace(-0.7, 0.7, 301)
@@ -150,8 +152,8 @@ def hot(castfem, write):
     return _run
 
 
-def test_cold_mould_with_the_wall_that_a_run_takes(hot, tmp_path):
-    """Width left out: at work it is the strand's at the meniscus, so the cold one is smaller."""
+def test_wall_of_a_cold_mould_is_read_by_a_run(hot, tmp_path):
+    """Without a width the hot mould has the size of the strand, so the cold one is smaller."""
     lines = 'taper = "1 %/m"\ncondition = "cold"\nwall_temperature = "160 degC"\n'
     path, (status, out, _) = hot(lines)
     assert status == 0
@@ -180,7 +182,7 @@ def test_sizes_of_a_cold_mould_are_kept(hot):
     assert all(0.05 < row[2] - 125.0 < 0.4 for row in rows)
 
 
-def test_mould_given_at_work_says_what_to_make(hot, tmp_path):
+def test_hot_mould_prints_its_cold_sizes(hot, tmp_path):
     _, (_, out, _) = hot('taper = "1 %/m"')
     rows = table(out)
     assert rows[0][2] == 125.0 and rows[-1][2] == pytest.approx(124.254, abs=1e-3)
@@ -189,12 +191,12 @@ def test_mould_given_at_work_says_what_to_make(hot, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("key", "given"),
+    ("key", "heat"),
     [("flux", 'flux = "2 MW/m^2"'), ("hot_face", 'hot_face = "150 degC"\nwater_side = "100 degC"')],
 )
-def test_given_heat_has_no_strand_to_couple(castfem, write, key, given):
-    """The plain command says nothing of it: it was not asked."""
-    path = write(TUBE.replace('flux = "2 MW/m^2"', given))
+def test_prescribed_heat_needs_no_coupling(castfem, write, key, heat):
+    """With --coupled this is reported, with --hot it is not."""
+    path = write(TUBE.replace('flux = "2 MW/m^2"', heat))
     status, out, _ = castfem("mould", path, "--coupled")
     assert status == 0
     assert out.startswith(f"mould.tube.{key} heats the tube: the strand is not computed, nothing")
@@ -209,12 +211,12 @@ def test_a_tube_without_heat_has_the_temperature_of_its_water(hot):
     assert {cell for row in table(out) for cell in row[-3:]} == {40.0}
 
 
-def test_copper_that_softens_is_told(hot):
+def test_softening_copper_is_reported(hot):
     _, (_, out, _) = hot("", "--set", "mould.tube.flux=7 MW/m^2")
     assert "warning: above 400 degC the copper softens" in out
 
 
-def test_case_without_a_tube(castfem, write):
+def test_case_without_a_tube_is_rejected(castfem, write):
     status, _, err = castfem("mould", write(), "--hot")
     assert status == 1
     assert "mould.tube: the table is missing; add [mould.tube]" in err and err.count("\n") == 1

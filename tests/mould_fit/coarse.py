@@ -1,4 +1,4 @@
-"""The billet on coarse cells and long windows, for the tests of strand and mould together."""
+"""The billet with coarse cells and long coupling intervals, for the tests of strand and mould."""
 
 from __future__ import annotations
 
@@ -13,5 +13,5 @@ COARSE = (*cells(3, 12, 16), "coupling.interval=0.5 s", "output.figures=false")
 
 
 def coarse(name: str, *changes: str) -> Case:
-    """A shipped billet, coarse, with further changes."""
+    """Load a shipped billet with coarse cells and further changes."""
     return load_case(CASES / f"{name}.toml", (*COARSE, *changes))

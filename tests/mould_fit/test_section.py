@@ -51,17 +51,17 @@ def attempts() -> list[Attempt]:
     return find_section(billet(), MPI.COMM_SELF, "case", AT)
 
 
-def test_square_is_found_in_a_few_runs(attempts: list[Attempt]) -> None:
+def test_square_is_reached_in_a_few_runs(attempts: list[Attempt]) -> None:
     assert 2 <= len(attempts) <= 6
     assert attempts[0].worst > 10.0 * LIMITS.close and attempts[-1].worst <= LIMITS.close
     assert not attempts[0].start.offset.any()
-    # What stood out in the first run is taken back at the meniscus.
-    taken = attempts[-1].start.offset + attempts[0].end.offset
-    assert np.abs(taken).max() < 0.1 * attempts[0].worst
+    # The outline at the meniscus compensates the deviation of the first run.
+    remaining = attempts[-1].start.offset + attempts[0].end.offset
+    assert np.abs(remaining).max() < 0.1 * attempts[0].worst
 
 
-def test_forward_run_of_the_written_outline(attempts: list[Attempt], tmp_path: Path) -> None:
-    """A case of its own, of what stands in the file: width and diagonal at the end are wanted."""
+def test_run_with_the_written_outline_ends_square(attempts: list[Attempt], tmp_path: Path) -> None:
+    """A new case with the written outline has the specified width and diagonal at the end."""
     write_outline(tmp_path / "outline.csv", attempts[-1].start, "found")
     lines = "\n".join(f"{key} = \"{value}\"" for key, value in {
         "surface_size": "3 mm", "corner_size": "3 mm", "face_size": "12 mm", "core_size": "16 mm",
@@ -90,8 +90,8 @@ def load_case_of(case: Case, folder: Path) -> Case:
     return load_case(folder / "again.toml")
 
 
-def test_wall_that_follows_the_strand(attempts: list[Attempt], tmp_path: Path) -> None:
-    """Read back it is a mould that the strand touches all round, all the way."""
+def test_written_wall_follows_the_strand(attempts: list[Attempt], tmp_path: Path) -> None:
+    """The strand touches the wall read back, all round and all along."""
     case = billet()
     sides = sides_of_section(case.section)  # type: ignore[arg-type]
     wall = natural_wall(attempts[-1], sides)
@@ -122,7 +122,7 @@ def test_wall_that_follows_the_strand(attempts: list[Attempt], tmp_path: Path) -
     assert np.abs(gap).max() < 15e-6
 
 
-def test_bulge_without_a_wall_of_its_shape_is_refused() -> None:
+def test_bulge_in_an_unshaped_mould_is_rejected() -> None:
     with pytest.raises(InputError, match=r"section\.bulge: the cavity must have"):
         load_case(CASES / "taper_1.toml", ("section.bulge=0.1 mm",))
 
@@ -134,18 +134,18 @@ def test_bulge_without_a_wall_of_its_shape_is_refused() -> None:
         ("taper_1", "mould: the outline is computed in an idealised mould"),
     ],
 )
-def test_cases_that_cannot_be_asked(name: str, words: str) -> None:
+def test_unsuitable_cases_are_rejected(name: str, words: str) -> None:
     with pytest.raises(InputError, match=rf"^mine: {words}"):
         find_section(load_case(CASES / f"{name}.toml"), MPI.COMM_SELF, "mine")
 
 
-def test_section_that_cannot_be_had_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreached_section_is_reported_with_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("castfem.studies.mould_fit.meniscus_outline.LIMITS", SectionLimits(runs=1))
     with pytest.raises(RunFailure, match=r"mine: after 1 runs the section is still \d+ um off"):
         find_section(billet(), MPI.COMM_SELF, "mine", 0.06)
 
 
-def test_command_finds_writes_and_draws(
+def test_section_command_writes_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -161,14 +161,17 @@ def test_command_finds_writes_and_draws(
     assert "--at 60 K:" in capsys.readouterr().err
 
 
-# Where a search for tapers begins: (302) and (303) of [Pascon2003], in the family asked for
+# The start of a search for tapers: (302) and (303) of [Pascon2003], for each kind of taper.
 
 
 WIDE, DIAGONAL = 125.0, 2.0**0.5 * 115.0 + 10.0  # mm
 
 
 def strand(folder: Path) -> Path:
-    """A strand that bulges to 125.4 mm; its diagonal is drawn in from 125 mm on, to 172.18 mm."""
+    """Write the history of a strand that bulges to 125.4 mm.
+
+    Its diagonal contracts to 172.18 mm, from 125 mm below the meniscus on.
+    """
     z = np.linspace(0.0, 0.6, 121)
     corner = DIAGONAL - (DIAGONAL - 172.18) * np.maximum(z - 0.125, 0.0) / 0.475
     history = pd.DataFrame({
@@ -189,7 +192,7 @@ def start(taper: Any, keys: list[str], folder: Path) -> np.ndarray:
     return -2.0 + 4.0 * found
 
 
-def test_mid_face_and_corner_of_the_thesis(tmp_path):
+def test_start_has_the_tapers_of_the_thesis(tmp_path):
     taper = {"face": "0.1 %/m", "corner": [
         {"to": "125 mm", "taper": "0.1 %/m"}, {"taper": "0.1 %/m"},
     ]}  # fmt: skip
@@ -198,8 +201,8 @@ def test_mid_face_and_corner_of_the_thesis(tmp_path):
     assert found == pytest.approx([-100.0 * 0.4 / (125.4 * 0.6), 0.0, second], abs=0.01)
 
 
-def test_one_taper_follows_the_corner(tmp_path):
-    """The straight line that fits the diagonal; the face would open."""
+def test_single_taper_starts_from_the_corner(tmp_path):
+    """It is the straight line that fits the diagonal; by the face the taper would be negative."""
     (found,) = start("1 %/m", [""], tmp_path)
     z = np.linspace(0.0, 0.6, 25)
     drawn = (DIAGONAL - 172.18) * np.maximum(z - 0.125, 0.0) / 0.475
@@ -207,12 +210,12 @@ def test_one_taper_follows_the_corner(tmp_path):
     assert found == pytest.approx(slope, abs=0.01)
 
 
-def test_a_parabola_begins_flat(tmp_path):
+def test_parabolic_taper_starts_flat(tmp_path):
     top, end = start({"top": "1 %/m", "exit": "0.4 %/m"}, [".top", ".exit"], tmp_path)
     assert top < end
 
 
-def test_beyond_a_range_its_end_is_taken(tmp_path):
+def test_start_is_limited_to_the_range(tmp_path):
     taper = {"face": "0 %/m", "corner": "0 %/m"}
     case = load("billet125/taper_1").with_({
         "mould.taper": taper,
@@ -226,28 +229,27 @@ def test_beyond_a_range_its_end_is_taken(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["single", "double", "parabolic", "corner", "double_corner"])
-def test_shipped_questions(name: str, tmp_path: Path):
-    """Each can be asked, and begins within its ranges, where the strand of the thesis is."""
-    question = DesignProblem(load(f"billet125/optimum_{name}"))
-    assert question.needs_ideal
-    found = question.start(Evaluation(folder=strand(tmp_path)))
+def test_shipped_optimisations_start_within_their_ranges(name: str, tmp_path: Path):
+    problem = DesignProblem(load(f"billet125/optimum_{name}"))
+    assert problem.needs_ideal
+    found = problem.start(Evaluation(folder=strand(tmp_path)))
     assert np.all((found > 0.0) & (found < 1.0))
-    best = question.case.with_(question.changes(question.request(found)))
+    best = problem.case.with_(problem.changes(problem.request(found)))
     assert best.mould is not None
-    assert best.optimise == question.case.optimise
+    assert best.optimise == problem.case.optimise
 
 
-def test_width_and_height_of_a_bloom(tmp_path: Path) -> None:
-    """Each by its own face, the narrow one for the width; the corner by what it moves."""
+def test_width_and_height_of_a_bloom_start_separately(tmp_path: Path) -> None:
+    """Each starts from its own face; a single taper from the displacement of the corner."""
     z = np.linspace(0.0, 0.6, 121)
-    half = {"x": 0.1 * z / 0.6, "y": 0.3 * z / 0.6}  # mm that each side comes in
+    half = {"x": 0.1 * z / 0.6, "y": 0.3 * z / 0.6}  # contraction of each side, mm
     pd.DataFrame({
         "time [s]": z / 0.06, "position [m]": z, "size_mid_face [mm]": 100.0 - 2.0 * half["y"],
         "size_narrow_face [mm]": 200.0 - 2.0 * half["x"],
         "displacement_corner [mm]": -0.6 / 0.6 * z,
     }).to_csv(tmp_path / "history.csv", index=False)  # fmt: skip
 
-    def begun(taper: Any, *keys: str) -> np.ndarray:
+    def start_of(taper: Any, *keys: str) -> np.ndarray:
         case = load("billet125/taper_1").with_({
             "section.width": "200 mm", "section.height": "100 mm", "mould.taper": taper,
             "optimise": {"minimise": "von_mises_max", "variable": [
@@ -256,17 +258,17 @@ def test_width_and_height_of_a_bloom(tmp_path: Path) -> None:
         })  # fmt: skip
         return -2.0 + 4.0 * DesignProblem(case).start(Evaluation(folder=tmp_path))
 
-    width, height = begun(
+    width, height = start_of(
         {"narrow_face": "0 %/m", "wide_face": "0 %/m"}, ".narrow_face", ".wide_face"
     )
     assert width == pytest.approx(100.0 * 0.2 / (199.8 * 0.6), rel=1e-3)
     assert height == pytest.approx(100.0 * 0.6 / (99.4 * 0.6), rel=5e-3)
-    (both,) = begun("1 %/m", "")
+    (both,) = start_of("1 %/m", "")
     long, moved = np.hypot(190.0, 90.0) + 10.0, 2.0 * 0.6 * np.hypot(200, 100) * 2.0**0.5 / 300.0
     assert both == pytest.approx(100.0 * moved / ((long - moved) * 0.6), rel=0.01)
 
 
-def test_the_web_of_a_beam_blank_is_no_height(tmp_path: Path) -> None:
+def test_web_of_a_beam_blank_is_not_its_height(tmp_path: Path) -> None:
     z = np.linspace(0.0, 0.6, 13)
     history = pd.DataFrame(
         {"position": z, "size_mid_face": 90.0 + z, "size_narrow_face": 380.0 - z}
@@ -278,7 +280,7 @@ def test_the_web_of_a_beam_blank_is_no_height(tmp_path: Path) -> None:
     assert name == "diameter"
 
 
-# Strand and hot mould going round: they agree, and what goes back is what the copper has.
+# Iterations between strand and hot mould: they converge, and their heat is consistent.
 
 
 TUBE = (
@@ -306,8 +308,8 @@ def turns() -> list[Turn]:
     return hot_mould_of(coarse("hot", *TUBE), MPI.COMM_SELF, "case", turns=8)
 
 
-def test_shipped_case_is_the_billet_in_a_mould_drawn_cold() -> None:
-    """What the page says of it: nothing but its mould, and where its wall's heat comes from."""
+def test_shipped_hot_case_is_the_billet_in_a_cold_mould() -> None:
+    """It differs only in its mould and in the wall temperature of the cooling."""
     hot, same = load_case(CASES / "hot.toml"), coarse("taper_1", *COLD)
     assert hot.mould is not None and same.mould is not None and hot.mould.tube is not None
     assert hot.mould.model_copy(update={"tube": None}) == same.mould
@@ -315,7 +317,7 @@ def test_shipped_case_is_the_billet_in_a_mould_drawn_cold() -> None:
     assert hot.mould.tube.thickness == 0.01 and hot.mould.tube.support == "hung"
 
 
-def test_cold_mould_needs_the_temperature_of_its_wall() -> None:
+def test_cold_mould_requires_the_wall_temperature() -> None:
     with pytest.raises(InputError, match=r"a cold mould needs its temperature at work: wall_temp"):
         strained_billet("mould.condition=cold")
 
@@ -326,7 +328,7 @@ def test_flux_of_a_run_is_the_heat_it_removes() -> None:
     assert strand.positions[0] == 0.0 and strand.positions[-1] == pytest.approx(0.2)
     assert case.mould is not None
     flux = flux_of(strand, nominal_mould(case.mould, case.section))
-    # Per metre of strand the heat of the run; along the mould the power of the quarter.
+    # The heat of the run is per metre of strand; the flux is the power of the quarter.
     power = strand.value("heat_removed") * 0.06
     assert 4.0 * flux.heat(np.linspace(0.0, 0.2, 81)) == pytest.approx(power, rel=0.04)
     assert strand.outline.shape == (*strand.flux.shape, 2)
@@ -334,19 +336,19 @@ def test_flux_of_a_run_is_the_heat_it_removes() -> None:
     assert 1e-5 < np.abs(strand.outline[-1] - strand.line.place).max() < 1e-3
 
 
-def test_they_agree_after_a_few_turns(turns: list[Turn]) -> None:
+def test_strand_and_mould_converge_in_a_few_iterations(turns: list[Turn]) -> None:
     assert 3 <= len(turns) <= 6
     assert turns[-1].moved < AGREEMENT.shape and abs(turns[-1].heat) < AGREEMENT.heat
     assert turns[1].moved > turns[-1].moved
     assert all(turn.strand is not None for turn in turns)
 
 
-def test_strand_meets_the_hot_wall_at_last(turns: list[Turn]) -> None:
-    """Its last run had the wall and the wall temperature of the turn before."""
+def test_last_run_uses_the_hot_wall(turns: list[Turn]) -> None:
+    """The last run has the wall and the wall temperature of the iteration before."""
     last, before = turns[-1].strand, turns[-2].wall
     hot = last.flux[-1]
     coefficient = 1600.0
-    # Where the wall is colder than 160 degC more heat goes: mid-face, in contact.
+    # At mid-face, in contact, more heat flows if the wall is colder than 160 degC.
     first = turns[0].strand
     wall = float(np.interp(last.positions[-1], *before.profile()))
     change = hot[0] / first.flux[-1][0] - 1.0
@@ -354,7 +356,7 @@ def test_strand_meets_the_hot_wall_at_last(turns: list[Turn]) -> None:
     assert abs(change) < coefficient * abs(433.15 - wall) / first.flux[-1].max() + 0.02
 
 
-def test_drawing_of_a_cold_mould_fills_it_at_the_meniscus(turns: list[Turn]) -> None:
+def test_cold_mould_has_the_strand_size_at_the_meniscus(turns: list[Turn]) -> None:
     case = strained_billet("mould.condition=cold", "mould.wall_temperature=160 degC")
     assert case.mould is not None
     nominal = nominal_mould(case.mould, case.section)
@@ -376,13 +378,13 @@ def _columns(wall: object) -> object:
     return WallShape().write(wall)  # type: ignore[arg-type]
 
 
-def test_case_without_a_tube_is_refused() -> None:
+def test_case_without_a_tube_is_rejected() -> None:
     case = load_case(CASES / "taper_1.toml")
     with pytest.raises(InputError, match=r"^mine: mould.tube: the table is missing"):
         hot_mould_of(case, MPI.COMM_SELF, "mine")
 
 
-def test_given_flux_needs_no_strand() -> None:
+def test_prescribed_flux_needs_no_strand() -> None:
     case = strained_billet("mould.tube.flux=2 MW/m^2")
     (turn,) = hot_mould_of(case, MPI.COMM_SELF, "case", turns=5)
     assert turn.strand is None and turn.wall.heated.supplied > 0.0

@@ -1,4 +1,4 @@
-"""Thermal problems in memory for the tests: a steel, a mesh, a cooling, and steps."""
+"""Thermal problems in memory for the tests: steel, mesh, cooling and steps."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def constant_steel(
     k: float | tuple[float, float] = 30.0,
     datum: float | None = None,
 ) -> ThermalCurve:
-    """T(H) of constants; k may differ below solidus and above liquidus; any range, also 0."""
+    """Return T(H) of constant properties; k may differ in solid and liquid; any freezing range."""
     ks, kl = (k, k) if isinstance(k, float) else k
     if liquidus > solidus:
         knots = np.array([LOWER, solidus, liquidus, UPPER])
@@ -53,7 +53,7 @@ def constant_steel(
 
 @dataclass
 class ThermalSetup:
-    """A section, its heat balance and the state that has been reached."""
+    """A section, its heat balance and its current state."""
 
     mesh: meshes.SectionMesh
     curve: ThermalCurve
@@ -84,7 +84,7 @@ class ThermalSetup:
         self.low = self.high = self.start
 
     def cool(self, *laws: tuple[str, SurfaceLaw | PrescribedTemperature]) -> ThermalSetup:
-        """Cool the groups that begin with a name by a law; laws on one group add up."""
+        """Cool the groups whose names begin with `name` by a law; laws on one group add up."""
         cooling = Cooling([], [])
         for name, law in laws:
             tags = [
@@ -101,7 +101,7 @@ class ThermalSetup:
         return self
 
     def move(self, displacement: Callable[[Array], Array], axial: float = 0.0) -> ThermalSetup:
-        """Displace the points x (3, n) by (2, n) and stretch the slice."""
+        """Displace the points x (3, n) by a function (2, n) and stretch the slice."""
         self.displacement.interpolate(displacement)
         generalized_strains = np.array([axial, 0.0, 0.0, 0.0])
         self.problem.shape.take(self.displacement.x.array, generalized_strains)
@@ -112,7 +112,7 @@ class ThermalSetup:
     def advance(
         self, end: float, step: float, each: Callable[[], None] | None = None
     ) -> ThermalSetup:
-        """Advance to `end` by even steps not longer than `step`."""
+        """Advance to `end` by equal steps not longer than `step`."""
         begin = self.state.time
         n = max(int(np.ceil((end - begin) / step - 1e-9)), 1)
         for i in range(n):
@@ -129,16 +129,16 @@ class ThermalSetup:
 
     @property
     def worst_balance(self) -> float:
-        """Largest relative heat balance error of a step so far."""
+        """Return the largest relative heat balance error of the steps so far."""
         return max(abs(r.balance) for r in self.results)
 
     @property
     def nodes(self) -> Array:
-        """Positions of the owned vertices (owned, 2), m; for setups on one rank."""
+        """Return the positions of the owned vertices (owned, 2), m; on one rank only."""
         return np.asarray(self.mesh.points[self.section.node_of_owned])
 
     def along_x(self) -> tuple[Array, Array]:
-        """Position and temperature of the vertices of a strip's lower side, by rising x."""
+        """Return positions and temperatures on the lower side of a strip, sorted by x."""
         x, y = self.nodes.T
         lower = np.flatnonzero(y < y.min() + 1e-9)
         order = lower[np.argsort(x[lower])]
@@ -146,7 +146,7 @@ class ThermalSetup:
 
 
 def strip(length: float, cells: int) -> meshes.SectionMesh:
-    """A strip of even square-ish cells, one cell wide."""
+    """Mesh a strip of equal square cells, one cell wide."""
     size = length / cells
     return meshes.build(
         shape="strip",

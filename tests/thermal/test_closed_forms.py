@@ -1,4 +1,4 @@
-"""Solidification, contact and radiation against closed forms, with the observed order.
+"""Solidification, contact and radiation, compared with closed forms, and the observed order.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -25,7 +25,7 @@ def alloy_setup(cells: int, scheme: str = "sdirk2") -> ThermalSetup:
 
 
 def errors(setup: ThermalSetup, time: float) -> tuple[float, float, float]:
-    """Largest temperature error, K, and the errors of both fronts, m."""
+    """Return the largest temperature error, K, and the errors of both fronts, m."""
     x, temperature = setup.along_x()
     eta_s, eta_l = ALLOY.fronts()
     profile = Profile(x, temperature)
@@ -36,7 +36,7 @@ def errors(setup: ThermalSetup, time: float) -> tuple[float, float, float]:
     )
 
 
-def test_reference_numbers_of_the_similarity_solution() -> None:
+def test_similarity_solution_has_the_published_values() -> None:
     eta = ALLOY.fronts()
     assert eta == pytest.approx((1.38273926e-3, 1.80380195e-3), rel=1e-8)
     depths = np.array([5.0, 10.0, 20.0, 30.0, 40.0]) * 1e-3
@@ -44,7 +44,7 @@ def test_reference_numbers_of_the_similarity_solution() -> None:
     assert ALLOY.temperature(depths, 10.0) == pytest.approx(published, abs=1e-4)
 
 
-def test_alloy_freezes_as_the_similarity_solution() -> None:
+def test_alloy_solidifies_as_the_similarity_solution() -> None:
     setup = alloy_setup(400)  # cells of 0.3 mm
     for time in (10.0, 40.0):
         temperature, solid, liquid = errors(setup.advance(time, 0.05), time)
@@ -54,7 +54,7 @@ def test_alloy_freezes_as_the_similarity_solution() -> None:
     assert setup.worst_balance < 1e-9
 
 
-def test_second_order_in_space() -> None:
+def test_scheme_is_of_second_order_in_space() -> None:
     cells = np.array([50, 100, 200, 400])
     found = []
     for n in cells:
@@ -62,14 +62,14 @@ def test_second_order_in_space() -> None:
         x, temperature = setup.along_x()
         difference = temperature - ALLOY.temperature(x, 60.0)
         found.append(np.sqrt(np.mean(difference**2)))
-    # Kinks of T(H) between two vertices make single meshes scatter about the slope.
+    # Kinks of T(H) between vertices make the errors of single meshes scatter about the slope.
     order = -np.polyfit(np.log(cells), np.log(found), 1)[0]
     assert order > 1.8, found
 
 
 @pytest.mark.parametrize(("scheme", "least"), [("backward_euler", 0.95), ("sdirk2", 1.9)])
-def test_order_in_time_away_from_freezing(scheme: str, least: float) -> None:
-    """Smooth cooling of a solid: the order of the scheme without the kinks of T(H)."""
+def test_scheme_has_its_order_in_time_without_freezing(scheme: str, least: float) -> None:
+    """Smooth cooling of a solid has no kinks of T(H)."""
     curve = constant_steel(1450.0, 1500.0, k=30.0, datum=1400.0)
 
     def final(step: float, scheme: str) -> np.ndarray:
@@ -86,7 +86,7 @@ def test_order_in_time_away_from_freezing(scheme: str, least: float) -> None:
 @pytest.mark.parametrize(
     ("initial", "root"), [(1494.4, 0.665780), (1550.0, 0.616196)], ids=["one-phase", "two-phase"]
 )
-def test_stefan_problem(initial: float, root: float) -> None:
+def test_stefan_problem_has_its_closed_form(initial: float, root: float) -> None:
     exact = Neumann((33.0, 661.0), (33.0, 661.0), 7500.0, 272e3, 1000.0, 1494.4, initial)
     assert exact.root() == pytest.approx(root, abs=2e-6)
     curve = constant_steel(1494.35, 1494.45, rho=7500.0, c=661.0, k=33.0, datum=initial)
@@ -95,7 +95,7 @@ def test_stefan_problem(initial: float, root: float) -> None:
     setup.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).advance(21.0, 0.05)
     x, temperature = setup.along_x()
     front = Profile(x, temperature).isotherm_depth(1494.35)
-    # The front rests at a vertex until its latent heat is gone: up to a cell of 0.3 mm.
+    # The front stays at a vertex until its latent heat is released: up to a cell of 0.3 mm.
     assert front == pytest.approx(exact.front(21.0), abs=0.15e-3)
     assert np.abs(temperature - exact.temperature(x, 21.0)).max() < 6.0
     assert np.abs(temperature - exact.temperature(x, 21.0)).mean() < 1.0
@@ -122,8 +122,8 @@ def test_stefan_front_converges() -> None:
     assert found[0] / found[2] > 3.0, found
 
 
-def test_steady_wall_between_two_fluids() -> None:
-    """Steady conduction with h on both sides; the step may be as long as one likes."""
+def test_steady_wall_between_fluids_is_exact() -> None:
+    """Steady conduction with h on both sides is reached with very long steps."""
     curve = constant_steel(1800.0, 1850.0, k=25.0)
     setup = ThermalSetup(strip(0.05, 30), curve, 800.0)
     setup.cool(
@@ -137,8 +137,8 @@ def test_steady_wall_between_two_fluids() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.5e-3])
-def test_gap_in_series(gap: float) -> None:
-    """(301): contact and gap resistances in series with the wall of steel."""
+def test_contact_and_gap_are_resistances_in_series(gap: float) -> None:
+    """(301): both are in series with the conduction in the steel."""
     curve = constant_steel(1800.0, 1850.0, k=25.0)
     setup = ThermalSetup(strip(0.05, 20), curve, 800.0)
     setup.cool(
@@ -163,8 +163,8 @@ def test_radiation_balances_conduction() -> None:
     assert setup.along_x()[1][0] == pytest.approx(exact, abs=1e-6)
 
 
-def test_radiation_cools_a_lump() -> None:
-    """A body without inner resistance in cold surroundings: T^-3 = T0^-3 + 3 A t."""
+def test_radiation_cools_a_lump_as_its_closed_form() -> None:
+    """A body without internal resistance in cold surroundings: T^-3 = T0^-3 + 3 A t."""
     curve = constant_steel(1800.0, 1850.0, k=1e7, datum=1500.0)
     setup = ThermalSetup(strip(0.01, 4), curve, 1500.0)
     setup.cool(("surface", flux_laws.Radiation(0.8, 1e-3))).advance(100.0, 0.5)
@@ -173,8 +173,8 @@ def test_radiation_cools_a_lump() -> None:
     assert setup.along_x()[1].mean() == pytest.approx(exact, abs=0.01)
 
 
-def test_gap_factor_of_radiation() -> None:
-    """(33) with numbers worked by hand: m = 1.5, a = 400 /m, d = 1 mm, eps 0.8 and 0.4."""
+def test_radiation_factor_of_a_gap_is_exact() -> None:
+    """(33) computed by hand: m = 1.5, a = 400 /m, d = 1 mm, emissivities 0.8 and 0.4."""
     law = flux_laws.Radiation(0.8, 433.15, 0.4, 1.5, 400.0, 1e-3)
     resistance = 0.75 * 400.0 * 1e-3 + 1.25 + 2.5 - 1.0
     assert law.factor(np.array([1500.0]))[0] == pytest.approx(
@@ -186,10 +186,10 @@ BESIDE = (flux_laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0), flux_laws.Convection
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-6, 1e-4, 1e-3, np.inf])
-def test_what_crosses_a_gap_beside_its_conduction(gap: float) -> None:
-    """Contact alone where the strand touches (35), beyond it three in parallel (36).
+def test_parallel_heat_flows_across_a_gap(gap: float) -> None:
+    """Only contact where the strand touches (35); across a gap three flows in parallel (36).
 
-    The temperature between the resistance of contact and the gap is found by its own balance.
+    The temperature between the contact resistance and the gap follows from a heat balance.
     """
     t, conduction = 1500.0, 0.15 / gap if gap else np.inf
     gamma = flux_laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0, gap).factor(np.array([t]))[0]
@@ -205,16 +205,16 @@ def test_what_crosses_a_gap_beside_its_conduction(gap: float) -> None:
     assert law.ambient_range(0.0) == (300.0, 433.15)
 
 
-def test_a_gap_that_opens_never_takes_more_heat() -> None:
-    """Nor does the flux jump where contact is lost."""
+def test_opening_gap_never_increases_the_flux() -> None:
+    """The flux is also continuous at the loss of contact."""
     gap = np.concatenate([[-1e-5, 0.0], np.geomspace(1e-9, 1e-1, 200)])
     law = flux_laws.Contact(1600.0, 433.15, 0.15, gap, beside=(flux_laws.Radiation(0.8, 433.15),))
     flux, _ = law.flux(np.full(len(gap), 1500.0), 0.0)
-    alone = flux_laws.Contact(1600.0, 433.15, 0.15, gap).flux(np.full(len(gap), 1500.0), 0.0)[0]
-    assert flux[0] == flux[1] == alone[0]
+    conducted = flux_laws.Contact(1600.0, 433.15, 0.15, gap).flux(np.full(len(gap), 1500.0), 0.0)[0]
+    assert flux[0] == flux[1] == conducted[0]
     assert flux[2] == pytest.approx(flux[1], rel=1e-4)
     assert (np.diff(flux[1:]) < 0.0).all()
-    assert (flux[2:] > alone[2:]).all()
+    assert (flux[2:] > conducted[2:]).all()
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_a_gap_that_opens_never_takes_more_heat() -> None:
         ),
     ],
 )
-def test_slope_of_the_flux(law: flux_laws.SurfaceLaw) -> None:
+def test_slope_of_the_flux_matches_differences(law: flux_laws.SurfaceLaw) -> None:
     temperature = np.linspace(600.0, 1700.0, 12)
     _, slope = law.flux(temperature, 1.0)
     high, low = (law.flux(temperature + d, 1.0)[0] for d in (0.1, -0.1))

@@ -1,4 +1,4 @@
-"""Stiff and extreme setups: no over- or undershoot, no lost heat, no failed solve."""
+"""Stiff and extreme problems: no over- or undershoot, no heat lost, no failed solve."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SLACK = 1e-5  # K
 
 
 def billet(radius: float, cell: str = "quadrilateral", **sizes: float) -> meshes.SectionMesh:
-    given = {"surface_size": 0.5e-3, "core_size": 8e-3, **sizes}
+    cells = {"surface_size": 0.5e-3, "core_size": 8e-3, **sizes}
     return meshes.build(
         shape="rectangle",
         width=0.125,
@@ -24,7 +24,7 @@ def billet(radius: float, cell: str = "quadrilateral", **sizes: float) -> meshes
         symmetry="quarter",
         cell=cell,
         order=1,
-        **given,
+        **cells,
     )
 
 
@@ -41,11 +41,11 @@ def within_bounds(setup: ThermalSetup, low: float = WALL) -> bool:
     ],
 )
 def test_sudden_quench_stays_within_bounds(step: float, scheme: str, cell: str) -> None:
-    """H = 50 kW/m2K out of nothing, at a tiny step and at one a thousand times larger."""
+    """A sudden h = 50 kW/m2K, with a tiny step and one a thousand times longer."""
     setup = ThermalSetup(
         billet(0.0, cell), constant_steel(1725.15, 1775.65, datum=CAST), CAST, scheme
     )
-    falling = []
+    changes = []
     setup.cool(
         ("wide", flux_laws.Contact(5e4, WALL, 0.15)), ("narrow", flux_laws.Contact(5e4, WALL, 0.15))
     )
@@ -54,13 +54,13 @@ def test_sudden_quench_stays_within_bounds(step: float, scheme: str, cell: str) 
     def watch() -> None:
         nonlocal before
         now = setup.state.point.temperature
-        falling.append(float((now - before).max()))
+        changes.append(float((now - before).max()))
         before = now
 
     setup.advance(50 * step, step, watch)
     assert within_bounds(setup)
-    # Cooled from all sides by a constant wall, no point may ever grow warmer.
-    assert max(falling) < SLACK
+    # Cooled from all sides by a constant wall, no point may become warmer.
+    assert max(changes) < SLACK
     assert setup.worst_balance < 1e-9
 
 
@@ -74,8 +74,8 @@ def test_quench_of_a_rounded_billet_stays_within_bounds(step: float) -> None:
 
 
 @pytest.mark.parametrize(("freezing_range", "step"), [(0.0, 0.1), (0.1, 0.1), (0.0, 1.0)])
-def test_narrow_freezing_range(freezing_range: float, step: float) -> None:
-    """Down to isothermal freezing; the front as in the closed form within a cell."""
+def test_narrow_freezing_range_has_the_closed_form(freezing_range: float, step: float) -> None:
+    """Down to isothermal freezing, the front is within a cell of the closed form."""
     solidus = 1494.35
     curve = constant_steel(
         solidus, solidus + freezing_range, rho=7500.0, c=661.0, k=33.0, datum=1550.0
@@ -84,15 +84,15 @@ def test_narrow_freezing_range(freezing_range: float, step: float) -> None:
     setup.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).advance(20.0, step)
     exact = Neumann((33.0, 661.0), (33.0, 661.0), 7500.0, 272e3, 1000.0, solidus, 1550.0)
     x, temperature = setup.along_x()
-    # A vertex is solid once the front has passed its share of the strip, half a cell beyond it.
+    # A vertex is solid after the front has passed its part of the strip, to half a cell beyond.
     solid = x[temperature < solidus].max() + 0.25e-3
     assert solid == pytest.approx(exact.front(20.0), abs=0.5e-3)
     assert setup.low >= 1000.0 - SLACK and setup.high <= 1550.0 + SLACK
     assert setup.worst_balance < 1e-9
 
 
-def test_step_over_the_whole_latent_heat() -> None:
-    """One step from liquid to cold solid: all latent heat must leave, exactly."""
+def test_single_step_releases_all_latent_heat() -> None:
+    """One step from liquid to cold solid conserves the heat exactly."""
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
     setup = ThermalSetup(strip(0.02, 40), curve, CAST)
     setup.cool(("surface", flux_laws.Contact(1600.0, WALL, 0.15))).advance(1e4, 1e4)
@@ -105,8 +105,8 @@ def test_step_over_the_whole_latent_heat() -> None:
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 1e3])
-def test_conductivity_ratio_of_a_thousand(ratio: float) -> None:
-    """Steady wall, liquid and solid a thousand times apart: theta is linear, whatever the mesh."""
+def test_conductivity_ratio_of_a_thousand_is_exact(ratio: float) -> None:
+    """In a steady wall of liquid and solid the conduction integral is linear on any mesh."""
     curve = constant_steel(1500.0, 1500.0, k=(30.0, 30.0 * ratio))
     setup = ThermalSetup(strip(0.05, 25), curve, 1600.0)
     setup.cool(
@@ -123,7 +123,7 @@ def test_conductivity_ratio_of_a_thousand(ratio: float) -> None:
     assert temperature[liquid] == pytest.approx(exact, abs=1e-5)
 
 
-def test_coefficient_jumping_tenfold_every_tenth_of_a_second() -> None:
+def test_rapidly_alternating_coefficient_is_stable() -> None:
     mesh = billet(0.0, surface_size=1e-3)
     setup = ThermalSetup(mesh, constant_steel(1725.15, 1775.65, datum=CAST), CAST)
     time = 0.0
@@ -134,14 +134,14 @@ def test_coefficient_jumping_tenfold_every_tenth_of_a_second() -> None:
         setup.advance(time, 0.1)
     assert within_bounds(setup)
     assert setup.worst_balance < 1e-9
-    # The long run sees the mean coefficient but for the skin, which breathes.
+    # Except in the oscillating skin, the heat removed is that of the mean coefficient.
     mean = ThermalSetup(mesh, constant_steel(1725.15, 1775.65, datum=CAST), CAST)
     law = flux_laws.Contact(1650.0, WALL, 0.15)
     mean.cool(("wide", law), ("narrow", law)).advance(20.0, 0.1)
     assert setup.state.removed == pytest.approx(mean.state.removed, rel=0.03)
 
 
-def test_radiation_from_1500_into_20_degrees() -> None:
+def test_radiation_from_1500_to_20_degrees_is_stable() -> None:
     setup = ThermalSetup(strip(0.05, 50), constant_steel(1650.0, 1700.0, datum=1773.15), 1773.15)
     setup.cool(("surface", flux_laws.Radiation(0.9, 293.15)))
     setup.advance(1.0, 0.01).advance(1e4, 50.0)
@@ -151,8 +151,8 @@ def test_radiation_from_1500_into_20_degrees() -> None:
     assert setup.state.point.temperature == pytest.approx(293.15, abs=0.01)
 
 
-def test_second_order_steps_outside_the_bounds_are_taken_again() -> None:
-    """A step of many decay times of the skin: SDIRK2 alone would end colder than the wall."""
+def test_steps_outside_the_bounds_are_repeated() -> None:
+    """For a step of many decay times of the skin SDIRK2 itself ends colder than the wall."""
     setup = ThermalSetup(strip(2e-3, 8), constant_steel(1725.15, 1775.65, datum=1500.0), 1500.0)
     setup.cool(("surface", flux_laws.Contact(5e4, WALL, 0.15)))
     result = setup.stepper.step(setup.state, 5.0)
@@ -162,8 +162,8 @@ def test_second_order_steps_outside_the_bounds_are_taken_again() -> None:
     assert result.state.point.temperature.min() >= WALL - SLACK
 
 
-def test_heat_is_exact_at_any_step() -> None:
-    """The same heat leaves in 1 step or 200 once the wall's temperature is reached everywhere."""
+def test_total_heat_is_exact_for_any_step() -> None:
+    """1 or 200 steps to a uniform final temperature remove the same heat."""
     alloy = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)
     removed = []
     for steps in (1, 30, 200):
@@ -223,21 +223,21 @@ def test_heat_is_exact_where_two_given_temperatures_meet() -> None:
         (5e-3, "quadrilateral", 0.01, 0.07),
     ],
 )
-def test_where_conduction_is_an_m_matrix(
+def test_conduction_is_an_m_matrix_on_suitable_meshes(
     radius: float, cell: str, least: float, most: float
 ) -> None:
-    """On rectangles and Delaunay triangles; round an arc of quadrilaterals not quite."""
+    """Exactly on rectangles and Delaunay triangles, nearly on quadrilaterals at an arc."""
     setup = ThermalSetup(billet(radius, cell), constant_steel(1725.15, 1775.65), CAST)
     matrix = setup.problem._laplacian
     starts, columns, values = matrix.getValuesCSR()
     rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    off = rows != columns
-    share = (values[off] / matrix.getDiagonal().getArray()[rows[off]]).max()
+    others = rows != columns
+    share = (values[others] / matrix.getDiagonal().getArray()[rows[others]]).max()
     assert least <= max(share, 0.0) <= most
 
 
-def test_round_an_arc_liquid_is_warmed_by_hundredths_of_a_kelvin() -> None:
-    """The corner alone is quenched, in short steps: the maximum principle, but for its entries."""
+def test_overshoot_at_an_arc_is_below_a_tenth_of_a_kelvin() -> None:
+    """Only the corner is quenched: positive off-diagonal entries violate the maximum principle."""
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
     mesh = billet(5e-3, surface_size=1e-3, corner_size=1e-3)
     setup = ThermalSetup(mesh, curve, CAST, "backward_euler")

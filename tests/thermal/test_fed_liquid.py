@@ -1,4 +1,4 @@
-"""Heat in a slice that freezes while it is strained: liquid is fed, solid keeps its mass."""
+"""Heat in a slice that solidifies while strained: liquid is fed, solid keeps its mass."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TIME = 10.0
 
 
 def chilled(along: float, across: float, axial: float, fed: bool = True) -> ThermalSetup:
-    """A strip strained uniformly while it is liquid, then chilled at its end for 10 s."""
+    """Strain a liquid strip uniformly, then chill it at its end for 10 s."""
     curve = constant_steel(ALLOY.solidus, ALLOY.liquidus, datum=ALLOY.initial)
     mesh = strip(0.06, 150)
     setup = ThermalSetup(mesh, curve, ALLOY.initial, moves=True, solidus=ALLOY.solidus)
@@ -29,7 +29,7 @@ def chilled(along: float, across: float, axial: float, fed: bool = True) -> Ther
 
 
 def fronts(setup: ThermalSetup) -> tuple[float, float]:
-    """Depth of solidus and liquidus on the undeformed strip, m."""
+    """Return the depths of solidus and liquidus on the undeformed strip, m."""
     profile = Profile(*setup.along_x())
     return profile.isotherm_depth(ALLOY.solidus), profile.isotherm_depth(ALLOY.liquidus)
 
@@ -38,8 +38,8 @@ EXACT = tuple(2.0 * eta * np.sqrt(TIME) for eta in ALLOY.fronts())
 
 
 @pytest.mark.parametrize(("across", "axial"), [(0.0, 0.0), (0.1, 0.05), (-0.1, 0.0), (0.0, -0.08)])
-def test_strain_across_the_heat_changes_no_front(across: float, axial: float) -> None:
-    """Uniform strain at right angles to the heat: the undeformed fronts, heat by the area."""
+def test_strain_normal_to_the_heat_flow_keeps_the_fronts(across: float, axial: float) -> None:
+    """The heat removed is proportional to the deformed area."""
     setup = chilled(0.0, across, axial)
     assert fronts(setup) == pytest.approx(EXACT, abs=0.06e-3)
     area = (1.0 + across) * (1.0 + axial)
@@ -48,24 +48,24 @@ def test_strain_across_the_heat_changes_no_front(across: float, axial: float) ->
 
 
 @pytest.mark.parametrize("along", [0.1, -0.1])
-def test_strain_along_the_heat_moves_the_mesh_alone(along: float) -> None:
-    """Liquid squeezed or stretched along the heat freezes where it is, not where its mesh began."""
+def test_strain_along_the_heat_flow_keeps_the_fronts_in_space(along: float) -> None:
+    """Liquid strained along the heat flow solidifies at its position in space."""
     setup = chilled(along, 0.0, 0.0)
     found = [(1.0 + along) * depth for depth in fronts(setup)]
     assert found == pytest.approx(EXACT, abs=0.06e-3)
 
 
-def test_liquid_that_were_not_fed_would_freeze_too_fast() -> None:
-    """Sign and size of what feeding is for.
+def test_liquid_without_feeding_solidifies_too_fast() -> None:
+    """Stretched by e, more area conducts the heat of the same mass.
 
-    Stretched by e, more area conducts the heat of the same mass: the fronts are sqrt(1 + e) deeper.
+    So the fronts are deeper by the factor sqrt(1 + e).
     """
     stretched = fronts(chilled(0.0, 0.21, 0.0, fed=False))
     assert stretched == pytest.approx([1.1 * depth for depth in EXACT], abs=0.07e-3)
 
 
 def insulated(axial: float) -> tuple[ThermalSetup, float]:
-    """Steel whose density depends on temperature, cooled to 900 degC or so, then insulated."""
+    """Cool steel of temperature-dependent density to about 900 degC, then insulate it."""
     steel = load_steel("plain_carbon", composition={"C": 0.2})
     start = steel.liquidus + 30.0
     curve = steel.thermal_curve(400.0, start + 2.0, start, poured=start)
@@ -87,7 +87,7 @@ def insulated(axial: float) -> tuple[ThermalSetup, float]:
 
 @pytest.mark.parametrize("axial", [0.0, 0.03])
 def test_solid_keeps_its_mass(axial: float) -> None:
-    """Heat out = rho(solidus) A0 (h0 - h), of the volume that froze."""
+    """The heat removed is rho(solidus) A0 (h0 - h) of the volume that solidified."""
     setup, expected = insulated(axial)
     assert setup.state.removed == pytest.approx((1.0 + axial) * expected, rel=1e-6)
 

@@ -1,4 +1,4 @@
-"""A measured heat of the mould at other casting speeds: by dwell time, by a table, or fixed."""
+"""A measured mould heat at other casting speeds: by dwell time, by a table, or fixed."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ PLACES = {"position": [0, 0.4, 0.8], "position_unit": "m", "value": [3, 2, 1], "
 
 
 def billet(speed: Any, law: dict[str, Any]) -> Case:
-    given = {"law": "contact", "flux": "savage_pritchard", "wall": "160 degC", **law}
-    zones = [{"name": "mould", "to": "800 mm", "surface": [given]}, {"name": "below"}]
+    contact = {"law": "contact", "flux": "savage_pritchard", "wall": "160 degC", **law}
+    zones = [{"name": "mould", "to": "800 mm", "surface": [contact]}, {"name": "below"}]
     return small({"cooling": zones, "casting.speed": speed, "casting.length": "1 m"})
 
 
 def kilowatts(case: Case) -> float:
-    """What `castfem check` says that the mould takes."""
+    """Return the heat of the mould that `castfem check` prints, kW."""
     steel = load_steel(case.steel.name)
     line = heat_lines(case, steel, build_mesh(case))[0]
     return float(line.partition(": ")[2].partition(" kW")[0])
 
 
 def mean(name: str, time: float) -> float:
-    """Mean of a published flux over a time in the mould, MW/m2, by the trapezoidal rule."""
+    """Return the mean of a published flux over a time in the mould, MW/m2."""
     times = np.linspace(0.0, time, 20001)
     flux = [MOULD_FLUXES[name].formula(t) for t in times]
     return 1e-6 * float(np.trapezoid(flux, times)) / time
@@ -46,28 +46,28 @@ def mean(name: str, time: float) -> float:
 @pytest.mark.parametrize(
     "total", [{"power": "500 kW"}, {"water": "1500 L/min", "water_rise": "5 K"}]
 )
-def test_the_flux_goes_by_the_time_in_the_mould(total: dict[str, str]) -> None:
-    """So a speed 1.5 times as high gives the ratio of the means of the published curve."""
+def test_flux_follows_the_time_in_the_mould(total: dict[str, str]) -> None:
+    """At 1.5 times the speed the heat changes by the ratio of the means of the published curve."""
     law = {**total, "measured_at": "2 m/min"}
-    known = kilowatts(billet("2 m/min", total))
-    assert kilowatts(billet("2 m/min", law)) == pytest.approx(known, rel=1e-3)
+    expected = kilowatts(billet("2 m/min", total))
+    assert kilowatts(billet("2 m/min", law)) == pytest.approx(expected, rel=1e-3)
     ratio = mean("savage_pritchard", 16.0) / mean("savage_pritchard", 24.0)
     assert 1.12 < ratio < 1.14
-    assert kilowatts(billet("3 m/min", law)) == pytest.approx(ratio * known, rel=1e-3)
+    assert kilowatts(billet("3 m/min", law)) == pytest.approx(ratio * expected, rel=1e-3)
     for fixed in ({}, {"measured_at": "any speed"}):
-        assert kilowatts(billet("3 m/min", {**total, **fixed})) == pytest.approx(known, rel=1e-3)
+        assert kilowatts(billet("3 m/min", {**total, **fixed})) == pytest.approx(expected, rel=1e-3)
 
 
-def test_a_flux_over_position_goes_by_the_time_too() -> None:
-    """Twice as fast, the slice leaves the mould with the flux of half of its way, 2 MW/m2."""
+def test_flux_over_position_follows_the_time_in_the_mould() -> None:
+    """At twice the speed the slice leaves the mould with the flux of its middle, 2 MW/m2."""
     law = {"flux": PLACES, "measured_at": "2 m/min"}
     slow, fast = (kilowatts(billet(speed, law)) for speed in ("2 m/min", "4 m/min"))
     assert fast / slow == pytest.approx(2.5 / 2.0, rel=1e-3)
     assert kilowatts(billet("4 m/min", {"flux": PLACES})) == pytest.approx(slow, rel=1e-3)
 
 
-def test_the_run_takes_what_check_says() -> None:
-    """The kink of a table over position comes at the time that it was measured at."""
+def test_run_removes_the_heat_that_check_prints() -> None:
+    """A step ends at the kink of a table over position, at the time of its measurement."""
     law = {"law": "flux", "value": PLACES, "power": "400 kW", "measured_at": "2 m/min"}
     zones = [{"name": "mould", "to": "800 mm", "surface": [law]}, {"name": "below"}]
     changes = {"cooling": zones, "casting.speed": "4 m/min", "casting.length": "800 mm"}
@@ -76,7 +76,7 @@ def test_the_run_takes_what_check_says() -> None:
     assert np.isclose(result.history["time"], 12.0, atol=1e-9).any()
 
 
-def test_a_total_over_the_speed() -> None:
+def test_total_follows_a_table_over_the_speed() -> None:
     assert kilowatts(billet("1.5 m/min", {"power": SPEEDS})) == pytest.approx(500.0)
     water = {"speed": ["1 m/min", "2 m/min"], "value": ["1000 L/min", "2000 L/min"]}
     rise = {"speed": ["1 m/min", "2 m/min"], "value": ["8 K", "6 K"]}
@@ -87,7 +87,7 @@ def test_a_total_over_the_speed() -> None:
     assert kilowatts(case) == pytest.approx(500.0, rel=1e-3)
 
 
-def test_a_case_reads_back_what_it_was_given() -> None:
+def test_measured_heat_is_unchanged_when_reread() -> None:
     for law in ({"power": SPEEDS}, {"power": "5 kW", "measured_at": "any speed"},
                 {"flux": PLACES, "measured_at": "1.7 m/min"}):  # fmt: skip
         case = billet("1.5 m/min", law)
@@ -108,13 +108,13 @@ def test_a_case_reads_back_what_it_was_given() -> None:
         ({"power": {"time": ["0 s", "1 s"], "value": ["1 kW", "2 kW"]}}, "unknown key 'time'"),
     ],
 )
-def test_what_does_not_fit_is_refused(law: dict[str, Any], message: str) -> None:
+def test_contradicting_input_is_rejected(law: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         billet("3 m/min", law)
 
 
-def test_beyond_its_range_a_formula_is_refused_with_what_to_write() -> None:
-    """Formulas that are valid so long, and where the zone must end for this one."""
+def test_formula_beyond_its_range_is_rejected_with_a_fix() -> None:
+    """The error names formulas valid for that time, and the allowed end of the zone."""
     with pytest.raises(InputError, match='take flux = "brimacombe" or flux = "li_thomas" or a tab'):
         billet("1 m/min", {})
     with pytest.raises(InputError, match=r'end, to = "266 mm" at most; else take a table$'):
@@ -124,20 +124,18 @@ def test_beyond_its_range_a_formula_is_refused_with_what_to_write() -> None:
 @pytest.mark.parametrize(
     ("length", "fix"), [(600.0, 'end the zone with the mould, to = "600 mm", or '), (900.0, "")]
 )
-def test_a_zone_that_is_too_long_for_a_formula_may_end_with_the_mould(
-    length: float, fix: str
-) -> None:
-    """The formula goes to 32 s, which is 800 mm; a longer mould needs another one."""
+def test_zone_too_long_for_a_formula_may_end_with_the_mould(length: float, fix: str) -> None:
+    """The formula is valid for 32 s, which is 800 mm; a longer mould needs another one."""
     changes = {"mechanics": {}, "mould": {"length": f"{length} mm"}}
     changes |= {"cooling.0.surface.0.gap_conductivity": "0.15 W/(m K)"}
     with pytest.raises(InputError) as error:
         billet("1.5 m/min", {}).with_({**changes, "cooling.0.to": "900 mm"})
-    (told,) = [one for one in error.value.problems if "savage_pritchard" in one]
-    assert f"after 36 s; {fix}take flux" in told
+    (message,) = [one for one in error.value.problems if "savage_pritchard" in one]
+    assert f"after 36 s; {fix}take flux" in message
 
 
 @pytest.mark.parametrize("law", [{"power": "500 kW"}, {"flux": PLACES}])
-def test_runs_of_different_speed_that_share_a_heat_are_told(law: dict[str, Any]) -> None:
+def test_equal_heat_at_different_speeds_is_reported(law: dict[str, Any]) -> None:
     slow, fast = (billet(speed, law) for speed in ("2 m/min", "3 m/min"))
     (line,) = shared_heat([slow, fast, fast])
     assert line.startswith("mould: ") and "casting speeds 2 and 3 m/min" in line
@@ -151,19 +149,21 @@ def test_runs_of_different_speed_that_share_a_heat_are_told(law: dict[str, Any])
     assert fixed_while_varied(slow, ["casting.superheat"]) == []
 
 
-def test_a_total_over_the_speed_is_no_shared_one() -> None:
+def test_total_over_the_speed_is_not_reported_as_equal() -> None:
     cases = [billet(speed, {"power": SPEEDS}) for speed in ("1.5 m/min", "2 m/min")]
     assert shared_heat(cases) == []
 
 
-def test_a_speed_beyond_a_table_is_told() -> None:
+def test_speed_beyond_a_table_is_reported() -> None:
     within, beyond = (billet(speed, {"power": SPEEDS}) for speed in ("2 m/min", "2.1 m/min"))
     assert not [one for one in warnings(within) if one.path[-1] == "power"]
     (found,) = [one for one in warnings(beyond) if one.path[-1] == "power"]
     assert "from 1 m/min to 2 m/min, the strand at 2.1 m/min" in found.text
 
 
-def test_compare_and_report_tell_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_and_report_print_the_equal_heat(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     from castfem.cli import execute
 
     law = {"law": "contact", "flux": "2 MW/m^2", "wall": "160 degC", "power": "50 kW"}
@@ -173,7 +173,7 @@ def test_compare_and_report_tell_of_it(tmp_path: Path, capsys: pytest.CaptureFix
         castfem.run(small(changes), folder=tmp_path / name)
     words = [str(tmp_path / "slow"), str(tmp_path / "fast")]
     assert execute(["compare", *words, "--no-figures"]) == 0
-    told = "mould: 50 kW in all at each of the casting speeds 3 and 4 m/min"
-    assert told in capsys.readouterr().out
+    message = "mould: 50 kW in all at each of the casting speeds 3 and 4 m/min"
+    assert message in capsys.readouterr().out
     assert execute(["report", *words, "-o", str(tmp_path / "both.html")]) == 0
-    assert told in (tmp_path / "both.html").read_text()
+    assert message in (tmp_path / "both.html").read_text()

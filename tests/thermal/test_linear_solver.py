@@ -1,4 +1,4 @@
-"""The linear systems of a stage: solved by iteration, factored where that fails."""
+"""The linear systems of a stage: solved iteratively, factorised if that fails."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ def cooled(step: float, tolerance: float = VERTEX.tight, **options: Any) -> Ther
     return setup.advance(10.0, step)
 
 
-def test_iterating_is_as_good_as_factorising() -> None:
+def test_iteration_and_factorisation_agree() -> None:
     iterated = cooled(0.25)
-    factored = cooled(0.25, ksp_type="preonly", pc_type="lu")
+    factorised = cooled(0.25, ksp_type="preonly", pc_type="lu")
     assert FACTORED not in iterated.problem._solvers
-    one, other = (s.state.point.temperature for s in (iterated, factored))
+    one, other = (s.state.point.temperature for s in (iterated, factorised))
     assert np.abs(one - other).max() < 1e-6
-    assert iterated.state.removed == pytest.approx(factored.state.removed, rel=1e-9)
-    # Newton's method does not feel it.
-    assert iterated.problem.iterations <= factored.problem.iterations + 3
+    assert iterated.state.removed == pytest.approx(factorised.state.removed, rel=1e-9)
+    # Newton's method needs no more iterations.
+    assert iterated.problem.iterations <= factorised.problem.iterations + 3
 
 
 @pytest.mark.parametrize("liquidus", [1775.0, 1725.0])
-def test_a_correction_is_newtons(liquidus: float) -> None:
-    """It takes the residual to zero at first order, isothermal freezing and given temperatures too.
+def test_correction_is_that_of_newton(liquidus: float) -> None:
+    """It reduces the residual to 0 at first order, also for isothermal freezing.
 
-    And the matrix is symmetric, which the solver relies on.
+    The matrix is symmetric, as the solver requires.
     """
     mesh = meshes.build(
         "rectangle", width=0.02, height=0.02, corner_radius=0.0, symmetry="quarter",
@@ -75,36 +75,36 @@ def test_a_correction_is_newtons(liquidus: float) -> None:
     before = residual(h)
     matrix = problem.new_matrix()
     problem.jacobian(x, matrix)
-    held = problem._state.point.conduction_slope == 0.0
-    assert held.any() == (liquidus == 1725.0) and len(problem.fixed) > 3
+    isothermal = problem._state.point.conduction_slope == 0.0
+    assert isothermal.any() == (liquidus == 1725.0) and len(problem.fixed) > 3
     assert matrix.isSymmetric(1e-12)
     dense = matrix[:, :]
     y.setArray(np.linalg.solve(dense, before))
     problem._correct(x, y)
-    share = 1e-6  # of the correction: no vertex goes to another piece of the curve
+    share = 1e-6  # of the correction: no vertex moves to another piece of the curve
     after = residual(h - share * y.getArray())
     assert np.abs(after - (1.0 - share) * before).max() < 1e-6 * share * np.abs(before).max()
     assert (y.getArray()[problem.fixed] == 0.0).all()
 
 
 def linear_iterations(problem: ThermalProblem) -> int:
-    """Of the last stage."""
+    """Return the number of linear iterations of the last stage."""
     return int(problem._solver(ITERATED).snes.getLinearSolveIterations())
 
 
-def test_what_a_step_cannot_feel_is_not_solved_for() -> None:
-    """A vertex may be out of balance by 2e-4 of the error of a step of 0.5 K."""
-    tight, eased = cooled(0.25), cooled(0.25, tolerance=0.5 * VERTEX.of_step)
-    one, other = (s.state.point.temperature for s in (tight, eased))
+def test_tolerance_follows_the_error_of_the_step() -> None:
+    """For a step error of 0.5 K a vertex may be out of balance by 2e-4 of that."""
+    tight, relaxed = cooled(0.25), cooled(0.25, tolerance=0.5 * VERTEX.of_step)
+    one, other = (s.state.point.temperature for s in (tight, relaxed))
     assert 0.0 < np.abs(one - other).max() < 1e-4
-    assert eased.state.removed == pytest.approx(tight.state.removed, rel=1e-7)
-    assert eased.problem.iterations <= tight.problem.iterations
-    assert linear_iterations(eased.problem) < 0.7 * linear_iterations(tight.problem)
-    assert eased.worst_balance < 1e-12
+    assert relaxed.state.removed == pytest.approx(tight.state.removed, rel=1e-7)
+    assert relaxed.problem.iterations <= tight.problem.iterations
+    assert linear_iterations(relaxed.problem) < 0.7 * linear_iterations(tight.problem)
+    assert relaxed.worst_balance < 1e-12
 
 
-def test_steps_that_may_err_by_anything_are_solved_all_the_same() -> None:
-    """2e-4 of a million kelvin would take the first guess of each step for its solution."""
+def test_tolerance_is_limited_for_large_step_errors() -> None:
+    """2e-4 of a million kelvin would accept the initial guess of each step."""
     case = small({"thermal.time": {"adaptive": {"tolerance": "1e6 K"}}})
     simulation = build(case, MPI.COMM_SELF)
     tolerance = simulation.problem.tolerance
@@ -115,19 +115,19 @@ def test_steps_that_may_err_by_anything_are_solved_all_the_same() -> None:
     assert loose.problem.iterations > 0.4 * tight.problem.iterations
 
 
-def test_a_reduction_that_the_user_gives_is_taken() -> None:
-    eased = cooled(5.0, tolerance=1e-2)
-    given = cooled(5.0, tolerance=1e-2, ksp_rtol=1e-12)
-    solvers = [setup.problem._solver(ITERATED).snes.getKSP() for setup in (eased, given)]
+def test_reduction_of_the_user_has_priority() -> None:
+    default = cooled(5.0, tolerance=1e-2)
+    chosen = cooled(5.0, tolerance=1e-2, ksp_rtol=1e-12)
+    solvers = [setup.problem._solver(ITERATED).snes.getKSP() for setup in (default, chosen)]
     assert solvers[0].getTolerances()[0] > 1e-9
     assert solvers[1].getTolerances()[0] == 1e-12
 
 
-def test_where_iterating_fails_it_factorises() -> None:
+def test_failed_iteration_is_replaced_by_factorisation() -> None:
     failing = cooled(1.0, ksp_max_it=1, ksp_rtol=1e-12)
-    sound = cooled(1.0)
+    regular = cooled(1.0)
     assert FACTORED in failing.problem._solvers
-    one, other = (s.state.point.temperature for s in (failing, sound))
+    one, other = (s.state.point.temperature for s in (failing, regular))
     assert np.abs(one - other).max() < 1e-6
 
 
@@ -135,17 +135,17 @@ def test_where_iterating_fails_it_factorises() -> None:
     ("name", "value"),
     [("snes_type", "newtontr"), ("snes_type", "ngmres"), ("snes_linesearch_type", "bt")],
 )
-def test_methods_that_multiply_by_the_matrix_are_refused(name: str, value: str) -> None:
-    """They take it for that of the enthalpy, and end at the first step."""
+def test_methods_that_multiply_by_the_matrix_are_rejected(name: str, value: str) -> None:
+    """They assume the matrix of the enthalpy, and would fail in the first step."""
     with pytest.raises(InputError, match=rf'{name} = "{value}": needs the matrix of the enthalpy'):
         cooled(1.0, **{name: value})
-    given = {"thermal.solver": {name: value}}
+    changes = {"thermal.solver": {name: value}}
     with pytest.raises(InputError, match=r"give (newtonls|basic or l2 or cp)"):
-        try_solver("thermal", small(given).thermal.solver)
+        try_solver("thermal", small(changes).thermal.solver)
 
 
 @pytest.mark.parametrize("search", ["l2", "cp"])
-def test_line_searches_by_the_residual(search: str) -> None:
+def test_line_searches_by_the_residual_agree(search: str) -> None:
     searched, plain = cooled(1.0, snes_linesearch_type=search), cooled(1.0)
     one, other = (s.state.point.temperature for s in (searched, plain))
     assert np.abs(one - other).max() < 1e-6
@@ -153,8 +153,8 @@ def test_line_searches_by_the_residual(search: str) -> None:
 
 
 @pytest.mark.parametrize("step", [1e3, 1e5])
-def test_steps_far_too_long(step: float) -> None:
-    """Close to a steady state in one step: the stage is almost a Laplacian."""
+def test_very_long_steps_are_stable(step: float) -> None:
+    """The section is almost steady after one step: the stage is almost a Laplacian."""
     setup = cooled(10.0)
     setup.advance(10.0 + step, step)
     temperature = setup.state.point.temperature

@@ -1,4 +1,4 @@
-"""Measured heat of a mould: curves of flux and coefficient, through a gap, scaled to a total."""
+"""Measured heat of a mould: curves of flux and coefficient, across a gap, scaled to a total."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_without_a_gap_the_flux_is_the_measured_one() -> None:
     assert abs(slope[1:]).max() < 1e-9 * 2e6 / NEAREST
 
 
-def test_a_gap_stands_in_series_with_what_the_flux_stands_for() -> None:
+def test_gap_is_in_series_with_the_resistance_of_the_flux() -> None:
     gap = 0.2e-3
     flux, _ = contact(FluxCurve(2e6), gap=gap).flux(HOT, 0.0)
     excess = HOT[1:] - WALL
@@ -82,14 +82,14 @@ def test_slope_is_the_derivative(curve: Any, gap: float, beside: Any) -> None:
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.3e-3])
-def test_a_curve_that_is_constant_is_the_constant_law(gap: float) -> None:
+def test_constant_curve_is_the_constant_law(gap: float) -> None:
     beside = (flux_laws.Radiation(0.8, 400.0), flux_laws.Convection(20.0, 300.0))
-    one, other = (contact(c, gap=gap, beside=beside) for c in (1600.0, CoefficientCurve(1600.0)))
-    for found, known in zip(other.flux(HOT, 0.0), one.flux(HOT, 0.0), strict=True):
-        assert found == pytest.approx(known, rel=1e-13)
+    law, curve = (contact(c, gap=gap, beside=beside) for c in (1600.0, CoefficientCurve(1600.0)))
+    for found, expected in zip(curve.flux(HOT, 0.0), law.flux(HOT, 0.0), strict=True):
+        assert found == pytest.approx(expected, rel=1e-13)
 
 
-def test_a_flux_that_falls_while_the_surface_warms_is_told() -> None:
+def test_least_rise_of_a_falling_flux_is_its_slope() -> None:
     grid = np.arange(500.0, 1700.0)
     falls = contact(FluxCurve(over_temperature=falling()), gap=np.full(7, 1e-4))
     assert falls.least_rise(grid, 0.0) == pytest.approx(-1.5e6 / 400.0, rel=1e-6)
@@ -98,11 +98,11 @@ def test_a_flux_that_falls_while_the_surface_warms_is_told() -> None:
     assert contact(FluxCurve(2e6)).least_rise(grid, 0.0) == 0.0
 
 
-def test_contact_with_a_flux_is_that_flux() -> None:
-    known = run({"law": "flux", "value": "2 MW/m^2"})
+def test_contact_with_a_flux_has_that_flux() -> None:
+    expected = run({"law": "flux", "value": "2 MW/m^2"})
     for name in ("surface_temperature_corner", "heat_removed", "shell_mid_face"):
         assert run(FLUX)[name].to_numpy() == pytest.approx(
-            known[name].to_numpy(), rel=1e-9, abs=1e-6, nan_ok=True
+            expected[name].to_numpy(), rel=1e-9, abs=1e-6, nan_ok=True
         )
 
 
@@ -110,57 +110,59 @@ def test_contact_with_a_flux_is_that_flux() -> None:
     ("key", "values", "unit"),
     [("flux", [3, 1.5], "MW/m^2"), ("coefficient", [2500, 1200], "W/(m^2 K)")],
 )
-def test_over_position_is_over_time_at_the_speed(key: str, values: list[float], unit: str) -> None:
+def test_tables_over_position_and_time_are_equivalent(
+    key: str, values: list[float], unit: str
+) -> None:
     columns = {"value": values, "unit": unit}
     place = {"position": [0, 1e3 * LENGTH / 2], "position_unit": "mm", **columns}
     time = {"time": [0, LENGTH / SPEED / 2], "time_unit": "s", **columns}
-    one, other = (run({"law": "contact", key: t, "wall": "160 degC"}) for t in (place, time))
-    assert one["heat_removed"].to_numpy() == pytest.approx(other["heat_removed"].to_numpy())
+    found, expected = (run({"law": "contact", key: t, "wall": "160 degC"}) for t in (place, time))
+    assert found["heat_removed"].to_numpy() == pytest.approx(expected["heat_removed"].to_numpy())
     if key == "flux":
         per_unit = run(FLUX | {"flux": "1 MW/m^2"})["heat_removed"].iloc[-1]
         mean = (0.5 * (values[0] + values[1]) + values[1]) / 2
-        assert one["heat_removed"].iloc[-1] / per_unit == pytest.approx(mean, rel=1e-3)
+        assert found["heat_removed"].iloc[-1] / per_unit == pytest.approx(mean, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["value", "flux", "heat flux"])
-def test_a_csv_file_over_position(tmp_path: Path, name: str) -> None:
+def test_csv_file_over_position_is_read(tmp_path: Path, name: str) -> None:
     path = tmp_path / "flux.csv"
     path.write_text(f"position [mm], {name} [MW/m^2]\n0, 3\n30, 1.5\n")
     columns = {"position": [0, 0.03], "position_unit": "m", "value": [3, 1.5], "unit": "MW/m^2"}
-    one, other = ({**FLUX, "flux": t} for t in ({"file": str(path)}, columns))
-    assert small({SURFACE: [one]}).cooling == small({SURFACE: [other]}).cooling
+    by_file, by_columns = ({**FLUX, "flux": t} for t in ({"file": str(path)}, columns))
+    assert small({SURFACE: [by_file]}).cooling == small({SURFACE: [by_columns]}).cooling
 
 
 @pytest.mark.parametrize("law", ["contact", "flux"])
-def test_the_heat_is_scaled_to_what_the_water_takes(law: str) -> None:
+def test_heat_is_scaled_to_that_of_the_water(law: str) -> None:
     curve = {"position": [0, 40], "position_unit": "mm", "value": [3, 1], "unit": "MW/m^2"}
-    given = FLUX | {"flux": curve} if law == "contact" else {"law": "flux", "value": curve}
-    known = run(given | {"power": "50 kW"})
-    assert known["cooling_power"].iloc[-1] == pytest.approx(50.0, rel=1e-3)
+    cooling = FLUX | {"flux": curve} if law == "contact" else {"law": "flux", "value": curve}
+    power = run(cooling | {"power": "50 kW"})
+    assert power["cooling_power"].iloc[-1] == pytest.approx(50.0, rel=1e-3)
     litres = 50e3 / (WATER * 5.0) * 6e4
-    water = run(given | {"water": f"{litres!r} L/min", "water_rise": "5 K"})
-    assert water["heat_removed"].to_numpy() == pytest.approx(known["heat_removed"].to_numpy())
+    water = run(cooling | {"water": f"{litres!r} L/min", "water_rise": "5 K"})
+    assert water["heat_removed"].to_numpy() == pytest.approx(power["heat_removed"].to_numpy())
 
 
-def test_the_scale_is_that_of_the_whole_zone() -> None:
+def test_scale_is_that_of_the_complete_zone() -> None:
     """A run that ends in the middle of the mould has the same flux there."""
     law = FLUX | {"flux": "brimacombe", "power": "300 kW"}
     zones = [{"name": "mould", "to": "600 mm", "surface": [law]}, {"name": "below"}]
     heat = castfem.run(small({"cooling": zones})).history["heat_removed"].iloc[-1]
     times = np.linspace(0.0, 10.0, 20001)
     flux = np.array([MOULD_FLUXES["brimacombe"].formula(t) for t in times])
-    whole, part = (np.trapezoid(flux[times <= t], times[times <= t]) for t in (10.0, 1.0))
-    assert heat * SPEED == pytest.approx(300e3 * part / whole, rel=2e-3)
+    complete, part = (np.trapezoid(flux[times <= t], times[times <= t]) for t in (10.0, 1.0))
+    assert heat * SPEED == pytest.approx(300e3 * part / complete, rel=2e-3)
 
 
-def test_published_fluxes() -> None:
-    """Means over 20 s, MW/m2, as worked out by hand; that of Li and Thomas is continuous."""
+def test_published_fluxes_have_their_means() -> None:
+    """Means over 20 s, MW/m2, computed by hand; the curve of Li and Thomas is continuous."""
     for name, mean in (("savage_pritchard", 1.681), ("brimacombe", 2.014), ("li_thomas", 1.884)):
         law = MOULD_FLUXES[name]
         heat = heat_to_mould(law.formula, lambda _: 1.0, (0.0, 20.0), law.kinks)
         assert heat / 20.0 == pytest.approx(1e6 * mean, rel=1e-3)
-    known = MOULD_FLUXES["li_thomas"].formula
-    assert known(1.0) == pytest.approx(known(1.0 + 1e-9), rel=1e-4)
+    formula = MOULD_FLUXES["li_thomas"].formula
+    assert formula(1.0) == pytest.approx(formula(1.0 + 1e-9), rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -189,17 +191,17 @@ def test_published_fluxes() -> None:
         ),
     ],
 )
-def test_what_does_not_fit_is_refused(law: dict[str, Any], message: str) -> None:
+def test_contradicting_input_is_rejected(law: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         small({SURFACE: [law]})
 
 
-def test_a_formula_beyond_its_range_is_refused() -> None:
+def test_formula_beyond_its_range_is_rejected() -> None:
     with pytest.raises(InputError, match=r'"savage_pritchard" holds for 32 s .* after 60 s'):
         small({SURFACE: [FLUX | {"flux": "savage_pritchard"}], "casting.length": "3.6 m"})
 
 
-def test_set_puts_a_flux_in_the_place_of_a_coefficient() -> None:
+def test_set_replaces_a_coefficient_by_a_flux() -> None:
     case = small().with_({f"{SURFACE}.0.flux": "2.2 MW/m^2"})
     (law,) = case.cooling[0].surface
     assert "coefficient" not in law.model_dump(exclude_none=True)

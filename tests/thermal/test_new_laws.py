@@ -1,4 +1,4 @@
-"""What a new surface law and a new spray correlation cost: what stands here, and nothing else."""
+"""A new surface law and a new spray correlation need only the definitions in this file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RATED = {"law": "rated", "flux": "4 MW/m^2", "at": "1200 degC", "ambient": "25 d
 
 @dataclass(frozen=True)
 class RatedFlux(SurfaceLaw):
-    """A flux q at a temperature, in proportion to the excess over the ambient, K."""
+    """A flux proportional to the excess over the ambient temperature, W/m2."""
 
     per_kelvin: float
     ambient: float
@@ -49,7 +49,7 @@ class RatedFlux(SurfaceLaw):
 
 @pytest.fixture
 def rated(monkeypatch: pytest.MonkeyPatch) -> type[HeatLaw]:
-    """A law that only the test with this fixture has."""
+    """Register a law for the test that uses this fixture."""
     monkeypatch.setattr(HeatLaw, "kinds", dict(HeatLaw.kinds))
 
     class Rated(HeatLaw):
@@ -76,19 +76,19 @@ def final(case: castfem.Case) -> float:
     return float(castfem.run(case).history["surface_temperature_mid_face"].iloc[-1])
 
 
-def test_a_new_law_runs(case: castfem.Case, rated: type[HeatLaw]) -> None:
-    """As convection with the same coefficient does, which the engine has."""
+def test_new_law_runs(case: castfem.Case, rated: type[HeatLaw]) -> None:
+    """It gives the temperature of convection with the same coefficient."""
     convection = {
         "law": "convection",
         "coefficient": f"{4e6 / (1200 - 25)!r} W/(m^2 K)",
         "ambient": "25 degC",
     }
-    new, known = (final(case.with_({HEAT: [law]})) for law in (RATED, convection))
-    assert new == pytest.approx(known, abs=1e-6)
+    new, expected = (final(case.with_({HEAT: [law]})) for law in (RATED, convection))
+    assert new == pytest.approx(expected, abs=1e-6)
     assert new < final(case) - 20.0
 
 
-def test_a_new_law_is_checked_written_and_described(
+def test_new_law_is_checked_written_and_documented(
     case: castfem.Case, rated: type[HeatLaw], tmp_path: Path
 ) -> None:
     table = {"time": [0, 0.4, 0.7], "time_unit": "s", "value": [1, 2, 3], "unit": "MW/m^2"}
@@ -112,7 +112,7 @@ def test_a_new_law_is_checked_written_and_described(
     assert "Rated" in case_schema()["$defs"]
 
 
-def test_a_law_without_build_is_refused_where_it_is_defined() -> None:
+def test_law_without_build_is_rejected_in_its_definition() -> None:
     with pytest.raises(TypeError, match=r'Unbuilt \(law = "unbuilt"\) does not define build'):
 
         class Unbuilt(HeatLaw):
@@ -121,10 +121,10 @@ def test_a_law_without_build_is_refused_where_it_is_defined() -> None:
     assert "unbuilt" not in HeatLaw.kinds
 
 
-def test_a_law_without_a_bound_of_its_slope_cannot_be_made(
+def test_law_without_a_bound_of_its_slope_is_rejected(
     case: castfem.Case, rated: type[HeatLaw], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whether it derives from SurfaceLaw or not."""
+    """Also if it is not derived from SurfaceLaw."""
 
     class Falling(SurfaceLaw):
         def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
@@ -140,11 +140,11 @@ def test_a_law_without_a_bound_of_its_slope_cannot_be_made(
         castfem.run(case.with_({HEAT: [RATED]}))
 
 
-def test_a_new_spray_runs(case: castfem.Case) -> None:
-    """It is entered under its name, and checked against the range it was measured for."""
+def test_new_spray_correlation_runs(case: castfem.Case) -> None:
+    """It is registered by its name, and its measured range is checked."""
 
     def linear(water: float, water_temperature: float, surface: Array) -> Array:
-        """Twice that of Mizikar."""
+        """Return twice the coefficient of Mizikar."""
         return np.full_like(surface, 155.2 * water)
 
     spray = {"law": "spray", "water": "5 L/(m^2 s)", "water_temperature": "25 degC"}

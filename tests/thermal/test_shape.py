@@ -1,4 +1,4 @@
-"""Heat in a slice that has moved: through its form, out of its surface, with none lost.
+"""Heat in a deformed slice: conduction, surface flux and conservation.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -34,26 +34,26 @@ def cooled(setup: ThermalSetup) -> ThermalSetup:
 @pytest.mark.parametrize(
     "gradient", [((1.1, 0.0), (0.0, 0.8)), ((1.0, 0.3), (0.0, 1.0)), ((0.6, -0.8), (0.8, 0.6))]
 )
-def test_moved_slice_is_the_slice_made_that_way(
+def test_deformed_slice_is_that_of_a_deformed_mesh(
     gradient: tuple[tuple[float, float], ...], cell: str
 ) -> None:
-    """Stretched, sheared or turned with its volume kept, it cools like a section of that form."""
+    """Stretched, sheared or rotated at constant volume, it cools like a section of that shape."""
     f = np.array(gradient)
     thickness = 1.0 / float(np.linalg.det(f))
     mesh = billet(5e-3, cell, **COARSE)
-    made = cooled(ThermalSetup(replace(mesh, points=mesh.points @ f.T), STEEL, CAST))
+    expected = cooled(ThermalSetup(replace(mesh, points=mesh.points @ f.T), STEEL, CAST))
     moved = cooled(ThermalSetup(mesh, STEEL, CAST, moves=True))
     moved.move(lambda x: (f - np.eye(2)) @ x[:2], thickness - 1.0)
-    for setup in (made, moved):
+    for setup in (expected, moved):
         setup.advance(3.0, 0.25)
-    ours, theirs = moved.state.point.temperature, made.state.point.temperature
-    assert theirs.min() < 1300.0
-    assert ours == pytest.approx(theirs, rel=1e-9)
-    assert moved.state.removed == pytest.approx(thickness * made.state.removed, rel=1e-9)
+    found, reference = moved.state.point.temperature, expected.state.point.temperature
+    assert reference.min() < 1300.0
+    assert found == pytest.approx(reference, rel=1e-9)
+    assert moved.state.removed == pytest.approx(thickness * expected.state.removed, rel=1e-9)
 
 
-def test_heat_is_kept_while_the_slice_moves() -> None:
-    """Every step closes, and the steel neither gains nor loses by being moved."""
+def test_heat_is_conserved_while_the_slice_deforms() -> None:
+    """The balance of every step is exact, and the deformation adds or removes no heat."""
     setup = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
     start = setup.state.enthalpy
     for turn in range(8):
@@ -69,7 +69,7 @@ def test_heat_is_kept_while_the_slice_moves() -> None:
     assert setup.low > WALL and setup.high < CAST + 0.01 * (CAST - WALL)
 
 
-def test_liquid_that_has_folded_conducts_as_if_it_had_not_moved() -> None:
+def test_folded_liquid_conducts_as_undeformed() -> None:
     setup = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
     still = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST))
     setup.move(lambda x: np.stack([-2.0 * x[0], np.zeros_like(x[0])]))  # turned inside out
@@ -78,8 +78,8 @@ def test_liquid_that_has_folded_conducts_as_if_it_had_not_moved() -> None:
     assert setup.state.point.temperature == pytest.approx(still.state.point.temperature, rel=1e-9)
 
 
-def test_residual_is_the_enthalpy_form() -> None:
-    """What is solved vertex by vertex is (23) as `forms.heat` writes it, assembled as a whole."""
+def test_residual_matches_the_enthalpy_form() -> None:
+    """The residual by vertices is the assembled form (23) of `forms.heat`."""
     setup = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST)).advance(2.0, 0.25)
     section, problem, step = setup.section, setup.problem, 0.1
     space = section.vertex_space
@@ -94,8 +94,8 @@ def test_residual_is_the_enthalpy_form() -> None:
     form = heat.residual_enthalpy(
         new, base, theta, flux, fem.Constant(section.mesh, step), v, dx, ds
     )
-    whole = assemble_owned(fem.form(form), section.owned)
+    expected = assemble_owned(fem.form(form), section.owned)
     problem.solve_stage(old, old, step, 0.0)
     unknown, out = (PETSc.Vec().createWithArray(a.copy()) for a in (old - 3e6, old))
     problem.residual(unknown, out)
-    assert out.getArray() == pytest.approx(whole, abs=1e-12 * np.abs(whole).max())
+    assert out.getArray() == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())

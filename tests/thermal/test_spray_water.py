@@ -1,4 +1,4 @@
-"""Water of many nozzles on a face: it adds up, and h follows from the sum."""
+"""Water of many nozzles on a face: the flows add up, and h follows from the sum."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TABLE = CoefficientTable(
 SURFACE = np.array([450.0, 700.0, 1000.0, 1200.0, 1500.0])
 
 
-def test_a_table_is_bilinear_and_held_at_its_ends() -> None:
+def test_table_is_bilinear_and_constant_beyond_its_ends() -> None:
     at = np.array([[5.0, 900.0], [2.5, 700.0], [10.0, 1100.0], [5.0, 1400.0], [12.0, 400.0]])
     expected = [400.0, 0.25 * 1300.0, 675.0, 350.0, 1500.0]
     assert TABLE(at[:, 0], at[:, 1]) == pytest.approx(expected)
@@ -51,14 +51,14 @@ def test_all_water_of_a_nozzle_reaches_a_wide_face(edge: float) -> None:
     assert np.trapezoid(water_across(x, [-0.2, 0.3], 0.5, edge), x) == pytest.approx(2.0, rel=1e-5)
 
 
-def test_triangles_at_half_their_width_make_an_even_row() -> None:
+def test_triangles_spaced_by_half_their_width_are_uniform() -> None:
     x = np.linspace(-0.3, 0.3, 101)
     assert water_across(x, [-0.3, 0.0, 0.3], 0.6, 1.0) == pytest.approx(1.0 / 0.3)
     assert water_across(np.array([0.6]), [-0.3, 0.0, 0.3], 0.6, 1.0) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", list(CORRELATIONS))
-def test_a_correlation_takes_many_flows_at_once(name: str) -> None:
+def test_correlation_accepts_arrays_of_flows(name: str) -> None:
     law = OfCorrelation(CORRELATIONS[name], 298.15, 2.0)
     water = np.linspace(0.0, 12.0, 7)
     surface = np.linspace(900.0, 1400.0, 7)
@@ -74,7 +74,7 @@ def test_a_correlation_takes_many_flows_at_once(name: str) -> None:
 
 
 def rows(*parts: tuple[float, Coefficient]) -> SprayWater:
-    """Rows that bring these flows, kg/(m2 s), each of a model, everywhere."""
+    """Return rows with uniform flows, kg/(m2 s), each with a model."""
     shares = tuple(
         Share(np.full(len(SURFACE), water / 1e-3), lambda time: 1e-3, 1e-3, h) for water, h in parts
     )
@@ -82,12 +82,12 @@ def rows(*parts: tuple[float, Coefficient]) -> SprayWater:
 
 
 def test_overlap_adds_water_and_not_coefficients() -> None:
-    one, two, both = rows((5.0, TABLE)), rows((10.0, TABLE)), rows((5.0, TABLE), (5.0, TABLE))
-    assert np.array_equal(both.flux(SURFACE, 0.0)[0], two.flux(SURFACE, 0.0)[0])
-    assert (both.flux(SURFACE, 0.0)[0] < 1.95 * one.flux(SURFACE, 0.0)[0]).all()
+    single, double, both = rows((5.0, TABLE)), rows((10.0, TABLE)), rows((5.0, TABLE), (5.0, TABLE))
+    assert np.array_equal(both.flux(SURFACE, 0.0)[0], double.flux(SURFACE, 0.0)[0])
+    assert (both.flux(SURFACE, 0.0)[0] < 1.95 * single.flux(SURFACE, 0.0)[0]).all()
 
 
-def test_models_are_weighted_with_their_water() -> None:
+def test_models_are_weighted_by_their_water() -> None:
     law = OfCorrelation(CORRELATIONS["nozaki"], 298.15)
     total = np.full_like(SURFACE, 8.0)
     expected = (6.0 * TABLE(total, SURFACE) + 2.0 * law(total, SURFACE)) / 8.0
@@ -118,7 +118,7 @@ def test_no_slope_is_below_the_least_rise(name: str) -> None:
     assert (least < 0.0).all()
 
 
-# h falls with water from 5 to 10 kg/(m2 s), and so does the slope of its flux at 500 to 900 K.
+# h decreases with water from 5 to 10 kg/(m2 s), and so does the slope of q at 500 to 900 K.
 DROWNED = CoefficientTable(
     (500.0, 900.0, 1300.0), (0.0, 5.0, 10.0), ((0, 2500, 900), (0, 400, 700), (0, 350, 650))
 )
@@ -135,10 +135,10 @@ DROWNED = CoefficientTable(
     ],
     ids=["falling", "two tables", "table and formula", "wendelstorf", "sasaki"],
 )
-def test_the_least_rise_holds_for_all_flows_below_the_largest(
+def test_least_rise_holds_for_all_flows_up_to_the_largest(
     models: tuple[Coefficient, ...],
 ) -> None:
-    """Each row at any part of its largest flow, at vertices with little and with much water."""
+    """For any fraction of the largest flow of each row, at vertices with little and much water."""
     random = np.random.default_rng(1)
     water, grid = np.array([0.5, 4.0, 14.0, 30.0]), np.arange(400.0, 1600.0, 1.0)
     per_row = water / len(models)
@@ -157,12 +157,12 @@ def test_the_least_rise_holds_for_all_flows_below_the_largest(
         at = np.full_like(least, random.uniform(400.0, 1600.0))
         steepest = np.minimum(steepest, law.flux(at, 0.0)[1])
     assert (steepest >= least - 1e-3 * np.abs(least)).all()
-    if len(models) == 1:  # of one model it is also reached
+    if len(models) == 1:  # for a single model it is also reached
         assert least[2:] == pytest.approx(steepest[2:], rel=0.1)
 
 
-def test_the_least_rise_of_a_zone_holds_for_all_its_flows() -> None:
-    """The film of 30 L/(m2 s) falls less steeply than that of a third of it."""
+def test_least_rise_of_a_zone_holds_for_all_its_flows() -> None:
+    """The flux of 30 L/(m2 s) falls less steeply than that of a third of it."""
     law = Sprayed(CORRELATIONS["wendelstorf"], lambda time: time, 30.0, 298.15)
     grid = np.arange(400.0, 1600.0, 1.0)
     sampled = [law.flux(grid, flow)[1].min() for flow in np.linspace(0.0, 30.0, 301)]
@@ -170,7 +170,7 @@ def test_the_least_rise_of_a_zone_holds_for_all_its_flows() -> None:
     assert min(sampled) >= law.least_rise(grid, 0.0) * (1.0 + 1e-3)
 
 
-def test_a_roll_takes_its_share_of_the_pitch() -> None:
+def test_roll_removes_its_share_of_the_heat_of_a_pitch() -> None:
     roll = laws()["roll"]
     assert isinstance(roll, RollShare)
     taken = roll.length * roll.flux(SURFACE, 0.0)[0]
@@ -179,8 +179,8 @@ def test_a_roll_takes_its_share_of_the_pitch() -> None:
 
 
 @pytest.mark.mpi
-def test_water_on_the_vertices_of_one_rank_bounds_the_step_of_all() -> None:
-    """A flux that falls there is asked for together: else the ranks wait for one another."""
+def test_water_on_one_rank_limits_the_step_of_all_ranks() -> None:
+    """All ranks take part in the bound of a falling flux; otherwise they would deadlock."""
     comm = MPI.COMM_WORLD
     mesh = meshes.build(
         shape="strip", length=0.02, width=0.002, surface_size=1e-3, core_size=2e-3,
@@ -209,7 +209,7 @@ def script() -> ModuleType:
     return module
 
 
-def test_the_tables_are_those_of_the_script(tmp_path: Path) -> None:
+def test_shipped_tables_are_those_of_the_script(tmp_path: Path) -> None:
     module = script()
     module.HERE = tmp_path
     module.main()
@@ -218,8 +218,8 @@ def test_the_tables_are_those_of_the_script(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 3
 
 
-def test_film_boiling_of_run_off_water() -> None:
-    """Liquid that stands takes less; between 600 and 1200 degC there is a tenth of difference."""
+def test_film_boiling_of_run_off_water_has_its_values() -> None:
+    """Stagnant water removes less heat; from 600 to 1200 degC h changes little."""
     module = script()
     flowing = [module.film_boiling(t) for t in (600, 900, 1200)]
     assert flowing == sorted(flowing) and flowing[0] > 130.0 and flowing[-1] < 160.0

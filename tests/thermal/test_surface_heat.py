@@ -1,4 +1,4 @@
-"""Heat of a whole surface in one loop: that of each of its laws, added up."""
+"""Heat of a surface computed in one loop: the sum of all its laws."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ def one_by_one(cooling: Cooling, time: float) -> tuple[np.ndarray, np.ndarray]:
 
 def compare(surface: SurfaceHeat, cooling: Cooling, time: float) -> None:
     expected, found = one_by_one(cooling, time), surface.at(OWNED, time)
-    for right, value in zip(expected, found, strict=True):
-        assert value == pytest.approx(right[surface.vertices], rel=1e-12, abs=1e-12)
-        assert not np.delete(right, surface.vertices).any()
+    for reference, value in zip(expected, found, strict=True):
+        assert value == pytest.approx(reference[surface.vertices], rel=1e-12, abs=1e-12)
+        assert not np.delete(reference, surface.vertices).any()
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -89,7 +89,7 @@ def test_each_law_is_the_sum_of_its_terms(name: str) -> None:
         compare(surface, cooling, time)
 
 
-def test_all_laws_add_up_and_new_ones_take_their_place() -> None:
+def test_laws_add_up_and_can_be_replaced() -> None:
     laws = [(PATCHES[i % 2], law) for i, law in enumerate(LAWS.values())]
     cooling = Cooling(laws)
     surface = SurfaceHeat(cooling)
@@ -99,7 +99,7 @@ def test_all_laws_add_up_and_new_ones_take_their_place() -> None:
     compare(surface, cooling, 8.0)
 
 
-def test_a_temperature_that_is_unknown_stays_unknown() -> None:
+def test_nan_temperature_gives_nan_heat() -> None:
     cooling = Cooling([(PATCHES[0], sprayed(FEW)), (PATCHES[0], Convection(800.0, 320.0))])
     heat, _ = SurfaceHeat(cooling).at(np.full_like(OWNED, np.nan), 1.0)
     assert len(heat) == N
@@ -111,6 +111,6 @@ def test_without_laws_there_is_no_heat() -> None:
     assert heat.shape == slope.shape == (0,)
 
 
-def test_arrays_that_do_not_belong_together_are_refused() -> None:
+def test_inconsistent_arrays_are_rejected() -> None:
     with pytest.raises(ValueError, match="belong together"):
         add_up(np.zeros(1, int), np.zeros((1, 2)), KELVIN, np.zeros((0, 2, N)), np.zeros(0))

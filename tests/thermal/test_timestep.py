@@ -1,4 +1,4 @@
-"""Step control: milestones, rejection, cut-back, limits; temperature after a jump goes one way."""
+"""Step control: milestones, rejection, reduction, limits; monotone temperature after a jump."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ BOUNDS = Adaptive(tolerance=1.0, first=1e-3, smallest=1e-5, largest=0.5)
 
 
 class Stepping:
-    """A control, the length that its steps have come to, and the step that was proposed last."""
+    """A step control with its current step length and the last proposal."""
 
-    def __init__(self, *given: Any, **more: Any) -> None:
-        self.control = StepControl(*given, **more)
+    def __init__(self, *args: Any, **options: Any) -> None:
+        self.control = StepControl(*args, **options)
         self.length = self.control.first
         self.tried = Proposal(0.0, 0.0, self.length.step, False, self.length)
         self.end, self.accepts = self.control.end, self.control.accepts
@@ -63,7 +63,7 @@ def advance(control: Stepping, error: float) -> list[float]:
 
 
 def steps_of(control: Stepping, error: float, most: int) -> list[float]:
-    """Times of the steps to the end, or of so many."""
+    """Return the times of the steps to the end, at most `most` steps."""
     times = [0.0]
     while times[-1] < control.end and len(times) <= most:
         end = control.propose(times[-1])
@@ -87,15 +87,15 @@ def test_milestones_are_hit_exactly(stops: list[float], step: float) -> None:
             assert min(abs(t - stop) for t in reached) <= 1e-12 * 10.0
 
 
-def test_adaptive_steps_grow_to_the_largest_and_leave_no_crumb() -> None:
+def test_adaptive_steps_grow_and_leave_no_short_last_step() -> None:
     times = advance(Stepping(100.0, adaptive=BOUNDS), 0.01)
     steps = [b - a for a, b in pairwise(times)]
     assert max(steps) == pytest.approx(0.5)
     assert min(steps[20:]) > 0.2
 
 
-def test_a_fixed_step_is_cut_for_its_error_and_grows_back() -> None:
-    """By the order of its error, to a rung; never beyond what was given, nor by a milestone."""
+def test_fixed_step_is_reduced_for_its_error_and_recovers() -> None:
+    """Reduced by the order of the error to a rung; a milestone does not change the length."""
     control = Stepping(100.0, [10.0, 10.01], fixed=1.0, tolerance=2.0, order=1.5)
     assert control.propose(0.0) == 1.0 and control.accepts(2.0) and not control.accepts(2.1)
     control.learn(1.0, 16.0)
@@ -113,16 +113,16 @@ def test_a_fixed_step_is_cut_for_its_error_and_grows_back() -> None:
     assert free.step == 1.0
 
 
-def test_a_step_grows_between_milestones_and_begins_anew_at_each() -> None:
+def test_step_grows_between_milestones_and_restarts_at_each() -> None:
     control = Stepping(40.0, [20.0], fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
     times = steps_of(control, 1e-9, 99)
     steps = [b - a for a, b in pairwise(times)]
-    assert steps == pytest.approx([1.0, 2.0, 4.0, 6.0, 3.5, 3.5] * 2)  # no crumb at the end
+    assert steps == pytest.approx([1.0, 2.0, 4.0, 6.0, 3.5, 3.5] * 2)  # no short step at the end
     assert 20.0 in times and control.at_milestone(20.0) and not control.at_milestone(19.0)
 
 
-def test_a_step_that_has_grown_is_cut_no_shorter_than_it_was_given() -> None:
-    """For its error by its order, for a failure to a quarter; what was given stays."""
+def test_grown_step_is_reduced_no_further_than_its_setting() -> None:
+    """For its error by the order, after a failure to a quarter; an error keeps the setting."""
     control = Stepping(100.0, fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
     for start, taken in ((0.0, 1.0), (1.0, 2.0), (3.0, 4.0)):
         assert control.propose(start) - start == pytest.approx(taken)
@@ -142,22 +142,20 @@ def test_a_step_that_has_grown_is_cut_no_shorter_than_it_was_given() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(1e-4, 99.0), st.floats(1e-3, 10.0))
-def test_rungs_are_parts_of_a_step_and_those_next_to_one_another_share_them(
-    step: float, unit: float
-) -> None:
+def test_rungs_are_fixed_fractions_of_a_power_of_two(step: float, unit: float) -> None:
     found = rung(step, unit)
     assert found <= step * (1.0 + 1e-5) and found > step / 1.29
-    assert rung(found, unit) == pytest.approx(found, rel=1e-12)  # a rung is its own
+    assert rung(found, unit) == pytest.approx(found, rel=1e-12)  # a rung maps to itself
     part = np.log2(found / unit) % 1.0
     assert min(abs(part - np.log2(one)) for one in (1.0, 1.25, 1.6, 2.0)) < 1e-9 or part < 1e-9
 
 
 @pytest.mark.parametrize("step", [6.3999936000063995, 2.0**-5 * (1.0 - 2.0**-53)])
-def test_a_step_that_is_all_but_a_rung_has_one_below(step: float) -> None:
+def test_step_close_to_a_rung_has_one_below(step: float) -> None:
     assert 0.0 < rung(step, 0.1) <= step * (1.0 + 1e-5)
 
 
-def test_two_runs_whose_errors_differ_little_take_the_same_steps() -> None:
+def test_similar_errors_give_the_same_steps() -> None:
     ends = []
     for error in (7.0, 7.2):
         control = Stepping(10.0, fixed=1.0, tolerance=2.0, order=1.5)
@@ -166,8 +164,8 @@ def test_two_runs_whose_errors_differ_little_take_the_same_steps() -> None:
     assert ends[0] == ends[1] and len(ends[0]) > 11
 
 
-def test_steps_of_a_length_of_strand_are_cut_to_parts_of_what_one_takes() -> None:
-    """Where the strand stands one may last ten times as long, which is no multiple of a rung."""
+def test_rungs_of_steps_by_strand_length_divide_their_duration() -> None:
+    """At a low speed a step may last longer by a factor that is no multiple of a rung."""
     control = Stepping(
         100.0, fixed=7.0, tolerance=2.0, order=1.5, longest=lambda time: 1.0, unit=1.0
     )
@@ -176,7 +174,7 @@ def test_steps_of_a_length_of_strand_are_cut_to_parts_of_what_one_takes() -> Non
     assert control.step == pytest.approx(0.2)
 
 
-def test_large_error_is_rejected_and_cut() -> None:
+def test_step_with_a_large_error_is_rejected_and_reduced() -> None:
     control = Stepping(10.0, adaptive=BOUNDS)
     assert not control.accepts(8.0)
     control.length = StepLength(0.4)
@@ -184,14 +182,14 @@ def test_large_error_is_rejected_and_cut() -> None:
     assert control.step == pytest.approx(0.4 * 0.9 / 2.0)
 
 
-def test_below_the_smallest_step_the_run_fails_with_the_key_to_change() -> None:
+def test_step_below_the_smallest_fails_with_its_key() -> None:
     control = Stepping(10.0, adaptive=BOUNDS)
     with pytest.raises(RunFailure, match=r"thermal\.time\.adaptive\.smallest"):
         for _ in range(50):
             control.learn(control.step, 1e9)
 
 
-def test_failed_solver_cuts_back_and_a_fixed_step_recovers() -> None:
+def test_fixed_step_recovers_after_a_failed_solve() -> None:
     control = Stepping(10.0, fixed=0.1)
     control.failed(0.1, "DIVERGED_MAX_IT")
     assert control.step == pytest.approx(0.025)
@@ -203,22 +201,22 @@ def test_failed_solver_cuts_back_and_a_fixed_step_recovers() -> None:
             control.failed(control.step, "DIVERGED_MAX_IT")
 
 
-def test_a_change_of_cooling_begins_as_long_as_its_expected_error_allows() -> None:
+def test_first_step_after_a_change_follows_its_expected_error() -> None:
     control = StepControl(10.0, adaptive=BOUNDS)
 
-    def begun(error_of_one_second: float, before: float = 0.4) -> float:
+    def restarted(error_of_one_second: float, before: float = 0.4) -> float:
         return control.restart(StepLength(before), lambda s: error_of_one_second * s**2).step
 
-    assert begun(1e9) == BOUNDS.first
-    assert begun(0.0) == 0.4
-    assert begun(0.0, BOUNDS.first) == BOUNDS.largest  # nothing has told of an error yet
-    assert begun(0.0, BOUNDS.first / 3.0) == BOUNDS.first  # shortened for another error before
+    assert restarted(1e9) == BOUNDS.first
+    assert restarted(0.0) == 0.4
+    assert restarted(0.0, BOUNDS.first) == BOUNDS.largest  # no error is known yet
+    assert restarted(0.0, BOUNDS.first / 3.0) == BOUNDS.first  # reduced for an earlier error
     allowed = (0.1 * BOUNDS.tolerance / 40.0) ** 0.5
-    assert allowed / 2**0.75 < begun(40.0) <= allowed
+    assert allowed / 2**0.75 < restarted(40.0) <= allowed
     assert StepControl(10.0, fixed=0.2).restart(StepLength(0.2), lambda s: 1e9 * s).step == 0.2
 
 
-def test_a_prescribed_temperature_is_expected_to_cool_its_neighbours() -> None:
+def test_expected_error_includes_prescribed_temperatures() -> None:
     curve = constant_steel(1450.0, 1500.0, datum=1400.0)
     simulation = ThermalSetup(strip(0.02, 10), curve, 1400.0)
     simulation.cool(("surface", flux_laws.PrescribedTemperature(500.0)))
@@ -228,8 +226,8 @@ def test_a_prescribed_temperature_is_expected_to_cool_its_neighbours() -> None:
 
 
 @pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
-def test_the_error_expected_after_a_change_is_the_one_of_a_single_mode(scheme: str) -> None:
-    """Hardly any conduction: the surface cools towards the ambient on its own."""
+def test_error_expected_after_a_change_is_exact_for_one_mode(scheme: str) -> None:
+    """With almost no conduction only the surface cools towards the ambient."""
     curve = constant_steel(1450.0, 1500.0, k=1e-6, datum=1400.0)
     simulation = ThermalSetup(strip(0.02, 10), curve, 1400.0, scheme)
     law = flux_laws.Convection(2e3, AMBIENT)
@@ -243,46 +241,46 @@ def test_the_error_expected_after_a_change_is_the_one_of_a_single_mode(scheme: s
         found = stepper.step(jump.state(step), step)
         assert found.error == pytest.approx(jump.errors(np.array([step]))[0], rel=1e-5, abs=1e-8)
         assert not found.limited
-        if step == 0.05:  # with the rates before it is mostly the jump
+        if step == 0.05:  # with the rates before the change the error is mostly the jump
             assert stepper.step(simulation.state, step).error > 20.0 * found.error
 
 
-def test_step_accepted_at_the_smallest_goes_on_with_the_smallest() -> None:
+def test_smallest_step_continues_if_accepted() -> None:
     control = Stepping(10.0, adaptive=replace(BOUNDS, first=BOUNDS.smallest))
     times = steps_of(control, 0.9, 20)
     assert np.allclose(np.diff(times), BOUNDS.smallest, rtol=1e-9)
 
 
 @pytest.mark.parametrize("how", ["rejected", "failed"])
-def test_the_smallest_step_is_tried_before_the_run_fails(how: str) -> None:
-    """From three times the smallest a cut would go below it: it stops at the smallest."""
+def test_smallest_step_is_tried_before_the_run_fails(how: str) -> None:
+    """A reduction from three times the smallest step is limited to the smallest."""
 
-    def refuse(taken: float) -> None:
+    def reject(taken: float) -> None:
         if how == "failed":
             control.failed(taken, "stuck")
         else:
             control.learn(taken, 1e9)
 
     control = Stepping(10.0, adaptive=replace(BOUNDS, first=3 * BOUNDS.smallest))
-    refuse(control.propose(0.0))
+    reject(control.propose(0.0))
     assert control.propose(0.0) == BOUNDS.smallest
     with pytest.raises(RunFailure, match="1e-05 s"):
-        refuse(control.propose(0.0))
+        reject(control.propose(0.0))
 
 
 @pytest.mark.parametrize("error", [2.0, np.nan])
-def test_what_a_milestone_leaves_below_the_smallest_step_is_divided_once(error: float) -> None:
-    crumb = 0.5 * BOUNDS.smallest
-    control = Stepping(1.0 + crumb, [1.0], adaptive=BOUNDS)
+def test_remainder_before_a_milestone_is_divided_only_once(error: float) -> None:
+    remainder = 0.5 * BOUNDS.smallest
+    control = Stepping(1.0 + remainder, [1.0], adaptive=BOUNDS)
     assert control.propose(1.0) == control.end
-    control.learn(crumb, error)
+    control.learn(remainder, error)
     part = control.propose(1.0) - 1.0
-    assert 0.0 < part < crumb
+    assert 0.0 < part < remainder
     control.learn(part, 0.5)
     assert control.propose(1.0 + part) == control.end
-    # Not more than once: what is too long still, ends the run.
+    # The run fails if a part is still too long.
     control.propose(1.0)
-    control.learn(crumb, error)
+    control.learn(remainder, error)
     part = control.propose(1.0) - 1.0
     with pytest.raises(RunFailure, match=r"thermal\.time\.adaptive\.smallest"):
         control.learn(part, error)
@@ -296,7 +294,7 @@ ADAPTIVE = "thermal.time.adaptive={{tolerance='{}',first='1 ms',smallest='1e-6 s
 
 
 class Temperatures:
-    """Temperatures of all vertices after each step of a run, in place of its files."""
+    """Recorder of the vertex temperatures after each step of a run, in place of output files."""
 
     def __init__(self) -> None:
         self.found: list[Array] = []
@@ -306,12 +304,12 @@ class Temperatures:
 
     @property
     def rise(self) -> float:
-        """How much warmer a vertex has become within a step, K."""
+        """Return the largest rise of a vertex temperature within a step, K."""
         return float(np.diff(self.found, axis=0).max())
 
 
 def cooled(*changes: str) -> tuple[Temperatures, Counts]:
-    """The shipped billet, changed, after its run."""
+    """Run the shipped billet with changes."""
     simulation = build(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
     temperatures = Temperatures()
     time_loop = TimeLoop(simulation, temperatures)  # type: ignore[arg-type]
@@ -323,7 +321,7 @@ def cooled(*changes: str) -> tuple[Temperatures, Counts]:
 
 
 def convection(coefficient: str) -> str:
-    """All round, from the meniscus on."""
+    """Return convection on all sides, from the meniscus on."""
     law = f"{{law='convection',coefficient='{coefficient}',ambient='25 degC'}}"
     return f"cooling.mould.surface=[{law}]"
 
@@ -337,29 +335,29 @@ def convection(coefficient: str) -> str:
         ("30 kW/(m^2 K)", ADAPTIVE.format("5 K"), False),
     ],
 )
-def test_steel_that_is_quenched_never_warms(coefficient: str, stepping: str, jumps: bool) -> None:
-    """From the meniscus on, freezing, all round: 1542, 292, 438 degC it went at 30 kW/m2K."""
+def test_quenched_steel_never_warms(coefficient: str, stepping: str, jumps: bool) -> None:
+    """Without damping a vertex went to 1542, 292, 438 degC at 30 kW/m2K."""
     temperatures, counts = cooled(convection(coefficient), stepping, *COARSE)
     assert temperatures.rise < SLACK
     assert counts.limited >= jumps
     assert counts.limited < 0.25 * counts.steps
 
 
-def test_without_a_look_ahead_it_would_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temperature_rebounds_without_a_look_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ThermalStepper, "_look_ahead", lambda *_: (False, None))
     temperatures, counts = cooled(convection("30 kW/(m^2 K)"), FIXED.format("0.5 s"), *COARSE)
     assert temperatures.rise > 100.0 and counts.limited == 0
 
 
-def test_a_billet_as_shipped_is_not_damped() -> None:
-    """Its first step wakes fast modes too, but no vertex is carried past its rest."""
+def test_shipped_billet_is_not_damped() -> None:
+    """Its first step also excites fast modes, but no vertex overshoots its steady temperature."""
     temperatures, counts = cooled("output.fields=[]", "casting.length='150 mm'")
     assert temperatures.rise < SLACK and counts.limited == 0
 
 
 @pytest.mark.parametrize(("coefficient", "way"), [(3e4, 1.0), (50.0, -1.0)])
-def test_a_zone_downstream_cools_or_warms_one_way(coefficient: float, way: float) -> None:
-    """The skin goes to where the new cooling takes it and does not come back."""
+def test_temperature_is_monotone_after_a_change_of_zone(coefficient: float, way: float) -> None:
+    """The skin tends to its new temperature without a rebound."""
     simulation = ThermalSetup(billet(0.0, surface_size=2e-3), STEEL, CAST)
     faces = ("wide", "narrow")
     simulation.cool(*((face, flux_laws.Contact(1600.0, 433.15, 0.15)) for face in faces)).advance(
@@ -376,7 +374,7 @@ def test_a_zone_downstream_cools_or_warms_one_way(coefficient: float, way: float
 
 
 def test_second_order_returns_after_a_jump() -> None:
-    """Each run takes its first step with backward Euler; its error falls by four all the same."""
+    """The first step uses backward Euler, yet the error is of second order."""
     curve = constant_steel(1450.0, 1500.0, datum=1400.0)
 
     def final(step: float) -> tuple[Array, int]:

@@ -1,4 +1,4 @@
-"""Roots: which of several boiling takes, what no data allow; T(H) and theta(H) inverted exactly."""
+"""Unique roots under boiling, invalid laws, and exact inverses of T(H) and theta(H)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from castfem.physics.thermal.unique_root import Branch
 
 from .setups import ThermalSetup, constant_steel
 
-# What makes the strip one that boils: the film of steam ends between 600 and 550 degC.
+# Changes for a strip with boiling: the steam film ends between 600 and 550 degC.
 BOILING: dict[str, Any] = {
     "casting.length": "2 m",
     "casting.temperature": "1000 degC",
@@ -50,7 +50,7 @@ def strip() -> castfem.Case:
 
 
 def quenched(case: castfem.Case) -> tuple[float, float]:
-    """When the surface has passed the fall of the boiling curve, s, and the heat removed, J/m."""
+    """Run a case; return the end of film boiling, s, and the heat removed, J/m."""
     with castfem.run(case) as result:
         history = result.history
         name = next(n for n in history.columns if n.startswith("surface_temperature"))
@@ -60,7 +60,7 @@ def quenched(case: castfem.Case) -> tuple[float, float]:
         return float(time[below]), result.quantities["heat_removed"]
 
 
-def test_the_film_is_left_when_it_really_ends(strip: castfem.Case) -> None:
+def test_film_boiling_ends_at_the_right_time_for_any_step(strip: castfem.Case) -> None:
     fine, heat = quenched(strip.with_({"thermal.time.step": "0.2 s"}))
     for step in ("1 s", "10 s"):
         when, removed = quenched(strip.with_({"thermal.time.step": step}))
@@ -68,7 +68,7 @@ def test_the_film_is_left_when_it_really_ends(strip: castfem.Case) -> None:
         assert removed == pytest.approx(heat, rel=2e-3)
 
 
-def test_backward_euler_keeps_to_the_film_too(strip: castfem.Case) -> None:
+def test_backward_euler_stays_on_the_film_branch(strip: castfem.Case) -> None:
     euler = {"thermal.time.scheme": "backward_euler"}
     fine, _ = quenched(strip.with_({"thermal.time.step": "0.2 s", **euler}))
     when, _ = quenched(strip.with_({"thermal.time.step": "10 s", **euler}))
@@ -76,15 +76,15 @@ def test_backward_euler_keeps_to_the_film_too(strip: castfem.Case) -> None:
 
 
 def test_no_flux_cools_below_absolute_zero(strip: castfem.Case, tmp_path: Path) -> None:
-    given = [{"law": "flux", "value": "2.5 MW/m^2"}]
+    flux = [{"law": "flux", "value": "2.5 MW/m^2"}]
     with pytest.raises(RunFailure, match="below absolute zero"):
-        castfem.run(strip.with_({"cooling.water.surface": given}), tmp_path / "run")
+        castfem.run(strip.with_({"cooling.water.surface": flux}), tmp_path / "run")
     result = castfem.api.Result(tmp_path / "run")
     assert result.summary.status == "failed"
     assert result.history.filter(like="temperature").to_numpy().min() > -273.15
 
 
-def test_a_law_that_heats_beyond_its_surroundings_is_refused(
+def test_law_that_heats_beyond_its_surroundings_is_rejected(
     strip: castfem.Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from castfem.physics.thermal import spray_correlations
@@ -100,19 +100,17 @@ def test_a_law_that_heats_beyond_its_surroundings_is_refused(
 
 
 @pytest.mark.parametrize("value", ["20 degC", "999 degC", "1300 degC"])
-def test_adaptive_steps_begin_with_a_temperature_that_jumps(
-    strip: castfem.Case, value: str
-) -> None:
-    given = {"cooling.water.surface": [{"law": "temperature", "value": value}]}
-    case = strip.with_({"casting.length": "100 mm", **given})
-    one = castfem.run(case)
+def test_adaptive_steps_follow_a_jump_of_temperature(strip: castfem.Case, value: str) -> None:
+    prescribed = {"cooling.water.surface": [{"law": "temperature", "value": value}]}
+    case = strip.with_({"casting.length": "100 mm", **prescribed})
+    adaptive = castfem.run(case)
     fine = castfem.run(case.with_({"thermal.time.step": "10 ms"}))
-    found, exact = (r.quantities["heat_removed"] for r in (one, fine))
+    found, exact = (r.quantities["heat_removed"] for r in (adaptive, fine))
     assert found == pytest.approx(exact, rel=5e-3)
-    assert one.summary.steps["accepted"] < 200.0
+    assert adaptive.summary.steps["accepted"] < 200.0
 
 
-def test_an_emissivity_of_nothing_radiates_nothing() -> None:
+def test_zero_emissivity_radiates_nothing() -> None:
     hot = np.array([500.0, 1500.0])
     for law in (Radiation(0.0, 300.0), Radiation(0.8, 300.0, 0.0), Radiation(0.0, 300.0, 0.0)):
         flux, slope = law.flux(hot, 0.0)
@@ -129,7 +127,7 @@ def test_more_water_never_heats() -> None:
 
 @dataclass(frozen=True)
 class BoilingPeak(SurfaceLaw):
-    """q = q0 exp(-((T - T0)/w)^2), without a coefficient; its slope is least at T0 + w/sqrt(2)."""
+    """The flux q = q0 exp(-((T - T0)/w)^2), with its least slope at T0 + w/sqrt(2)."""
 
     peak: float = 5e6
     at: float = 873.15
@@ -147,8 +145,8 @@ class BoilingPeak(SurfaceLaw):
         return 298.15, 298.15
 
 
-def test_a_law_of_any_form_is_kept_to_its_branch() -> None:
-    """Tau w (-dq/dT) < M dH/dT at the steepest fall, -sqrt(2/e) q0/w = -21 444 W/(m2 K)."""
+def test_stage_length_keeps_any_law_on_its_branch() -> None:
+    """Tau w (-dq/dT) < M dH/dT at the least slope, -sqrt(2/e) q0/w = -21 444 W/(m2 K)."""
     law = BoilingPeak()
     problem = boiling_strip(law).problem
     steepest = np.sqrt(2.0 / np.e) * law.peak / law.width
@@ -167,7 +165,7 @@ def test_a_law_of_any_form_is_kept_to_its_branch() -> None:
 
 
 def boiling_strip(law: SurfaceLaw) -> ThermalSetup:
-    """A strip of 10 mm of constant properties, cooled by a law at its end."""
+    """Set up a strip of 10 mm with constant properties, cooled by a law at its end."""
     mesh = meshes.build(
         shape="strip", length=0.01, width=0.002, surface_size=1e-3, core_size=2e-3,
         cell="quadrilateral", order=1,
@@ -175,8 +173,8 @@ def boiling_strip(law: SurfaceLaw) -> ThermalSetup:
     return ThermalSetup(mesh, constant_steel(1723.15, 1773.15), 1273.15).cool(("surface", law))
 
 
-def test_a_stage_of_steel_that_fills_less_is_shorter() -> None:
-    """Tau w (-dq/dT) < M dH/dT, with M the volume that the vertex' steel fills."""
+def test_stage_length_is_proportional_to_the_filled_volume() -> None:
+    """Tau w (-dq/dT) < M dH/dT, with M the volume filled by the steel of the vertex."""
     law = Convection(lambda t: np.interp(t, [823.15, 873.15], [9000.0, 600.0]), 298.15)
     problem = boiling_strip(law).problem
     hot, cold = (
@@ -184,9 +182,9 @@ def test_a_stage_of_steel_that_fills_less_is_shorter() -> None:
         for t in (870.0, 830.0)
     )
     branch = Branch(problem)
-    whole = branch.longest_stage(hot, cold, 0.0, np.inf)
+    full = branch.longest_stage(hot, cold, 0.0, np.inf)
     problem.fill(np.full_like(problem.area, 0.5))
-    assert branch.longest_stage(hot, cold, 0.0, np.inf) == pytest.approx(0.5 * whole, rel=1e-12)
+    assert branch.longest_stage(hot, cold, 0.0, np.inf) == pytest.approx(0.5 * full, rel=1e-12)
 
 
 def random_curve(seed: int, straight: bool = False) -> ThermalCurve:
@@ -197,16 +195,16 @@ def random_curve(seed: int, straight: bool = False) -> ThermalCurve:
     tk[0], tk[-1] = 250.0, 2100.0
     jump = np.where(rng.random(n) < 0.3, rng.uniform(0, 2e9, n), 0.0)
     left, right = rng.uniform(1e6, 6e6, (2, n - 1))
-    one, other = rng.uniform(10, 50, (2, m - 1))
+    k_left, k_right = rng.uniform(10, 50, (2, m - 1))
     if straight:
-        right, other = left, one
+        right, k_right = left, k_left
     capacity = (t, left, right, rng.uniform(0, 5e7, n - 1), jump)
-    return ThermalCurve(capacity, (tk, one, other), rng.choice([None, 1500.0]))
+    return ThermalCurve(capacity, (tk, k_left, k_right), rng.choice([None, 1500.0]))
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 10**6), st.booleans())
-def test_inverse_and_slopes(seed: int, straight: bool) -> None:
+def test_inverse_and_slopes_are_exact(seed: int, straight: bool) -> None:
     curve = random_curve(seed, straight)
     assert (curve.lines() is not None) == straight
     rng = np.random.default_rng(seed + 1)
@@ -242,7 +240,7 @@ def test_isothermal_jump_is_flat() -> None:
     assert np.all(between.conduction_slope == 0.0)
 
 
-def test_datum_is_the_zero() -> None:
+def test_enthalpy_is_zero_at_the_datum() -> None:
     t = np.array([300.0, 2000.0])
     k = np.array([30.0])
     curve = ThermalCurve(
@@ -253,7 +251,7 @@ def test_datum_is_the_zero() -> None:
     assert curve.at(np.zeros(1)).temperature[0] == pytest.approx(1234.0)
 
 
-def test_negative_capacity_is_refused() -> None:
+def test_negative_capacity_is_rejected() -> None:
     t = np.array([300.0, 2000.0])
     k = np.array([30.0])
     with pytest.raises(ValueError, match="positive"):

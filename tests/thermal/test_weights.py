@@ -1,4 +1,4 @@
-"""Areas and lengths of the vertices add up to those of the section; the same on several ranks."""
+"""Areas and lengths of the vertices add up to those of the section, also on several ranks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def shares(setup: ThermalSetup, name: str) -> Array:
 
 
 def wave(x: Array) -> Array:
-    """Bends the surface within its facets."""
+    """Return a displacement that bends the surface within its facets."""
     return 1e-3 * np.stack([np.sin(300.0 * x[1]), np.sin(200.0 * x[0])])
 
 
@@ -60,7 +60,7 @@ def test_area_and_perimeter_are_those_of_the_section(cell: str, size: float, ord
         )
     )  # fmt: skip
     assert arc.sum() == pytest.approx(length, rel=1e-10)
-    if order == 2:  # the geometry itself: of fourth order in the size of a cell
+    if order == 2:  # the geometry is of fourth order in the cell size
         assert arc.sum() == pytest.approx(0.5 * np.pi * RADIUS, rel=3e-3 * (size / 4e-3) ** 3)
         exact = SIDE**2 - (1 - np.pi / 4) * RADIUS**2
         assert area.sum() == pytest.approx(exact, rel=1e-4 * (size / 4e-3) ** 3)
@@ -69,7 +69,7 @@ def test_area_and_perimeter_are_those_of_the_section(cell: str, size: float, ord
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_surface_that_has_moved_keeps_its_true_length(cell: str) -> None:
+def test_deformed_surface_has_its_true_length(cell: str) -> None:
     setup = ThermalSetup(section(cell, 4e-3, 2), STEEL, 1800.0, moves=True)
     law = flux_laws.Contact(1600.0, 433.15, 0.15)
     setup.cool(("wide", law), ("narrow", law), ("corner", law)).move(wave)
@@ -96,21 +96,21 @@ def cooled(
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_many_ranks_give_what_one_gives(cell: str) -> None:
-    alone, together = cooled(MPI.COMM_SELF, cell), cooled(MPI.COMM_WORLD, cell)
-    one = alone.section.gather(alone.state.point.temperature)
-    many = together.section.gather(together.state.point.temperature)
+def test_results_are_independent_of_ranks(cell: str) -> None:
+    serial, parallel = cooled(MPI.COMM_SELF, cell), cooled(MPI.COMM_WORLD, cell)
+    one = serial.section.gather(serial.state.point.temperature)
+    many = parallel.section.gather(parallel.state.point.temperature)
     if MPI.COMM_WORLD.rank == 0:
         assert one is not None and many is not None
         assert np.abs(many / one - 1).max() < 1e-8
-    assert together.state.removed == pytest.approx(alone.state.removed, rel=1e-8)
-    assert together.worst_balance < 1e-9
+    assert parallel.state.removed == pytest.approx(serial.state.removed, rel=1e-8)
+    assert parallel.worst_balance < 1e-9
     lines = {n: LineProbes(s.section).sample(s.state.point.temperature) for n, s in
-             (("one", alone), ("many", together))}  # fmt: skip
+             (("one", serial), ("many", parallel))}  # fmt: skip
     for name, profile in lines["one"].items():
-        other = lines["many"][name]
-        assert other.temperature == pytest.approx(profile.temperature, rel=1e-8)
-        assert other.isotherm_depth(1725.15) == pytest.approx(
+        found = lines["many"][name]
+        assert found.temperature == pytest.approx(profile.temperature, rel=1e-8)
+        assert found.isotherm_depth(1725.15) == pytest.approx(
             profile.isotherm_depth(1725.15), rel=1e-8
         )
 

@@ -1,4 +1,4 @@
-"""Water of a whole zone, following the casting speed; oscillation of the mould."""
+"""Total water of a zone, which may follow the casting speed; oscillation of the mould."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def heat(law: dict[str, Any], **changes: Any) -> np.ndarray:
     return castfem.run(case).history["heat_removed"].to_numpy()
 
 
-def test_water_of_the_zone_is_water_per_area() -> None:
-    """300 L/min on 0.5 m2 are 10 L/m2s, in m3/h as well."""
-    known = heat({"water": "10 L/(m^2 s)"})
+def test_total_water_of_a_zone_is_divided_by_its_area() -> None:
+    """300 L/min or 18 m3/h on 0.5 m2 are 10 L/m2s."""
+    expected = heat({"water": "10 L/(m^2 s)"})
     for flow in ("300 L/min", "18 m^3/hour"):
-        assert heat({"flow": flow, "area": "0.5 m^2"}) == pytest.approx(known, rel=1e-12)
+        assert heat({"flow": flow, "area": "0.5 m^2"}) == pytest.approx(expected, rel=1e-12)
 
 
-def test_without_an_area_it_is_that_of_the_faces() -> None:
-    """The perimeter of the coarse section, four arcs of chords, times the zone's length."""
+def test_default_area_is_that_of_the_faces() -> None:
+    """It is the perimeter of the coarse section, with chords for arcs, times the zone length."""
     constant = small({SURFACE: [{"law": "flux", "value": "1 MW/m^2"}]})
     removed = float(castfem.run(constant).history["heat_removed"].iloc[-1])
     per_second = removed / (LENGTH / SPEED)
@@ -53,14 +53,14 @@ def test_without_an_area_it_is_that_of_the_faces() -> None:
     assert found == pytest.approx(heat({"water": "10 L/(m^2 s)"}), rel=1e-9)
 
 
-def test_it_follows_the_casting_speed() -> None:
+def test_water_follows_the_casting_speed() -> None:
     table = {"speed": [2, 4], "speed_unit": "m/min", "value": [100, 300], "unit": "L/min"}
     at = heat({"flow": table, "area": "0.5 m^2"})
     assert at == pytest.approx(heat({"flow": "260 L/min", "area": "0.5 m^2"}), rel=1e-9)
 
 
-def test_steps_end_where_the_speed_comes_to_a_row() -> None:
-    """From 2 to 4 m/min in 0.5 s it is at 2.5 and 3.6 m/min after 0.125 and 0.4 s."""
+def test_steps_end_where_the_speed_reaches_a_row() -> None:
+    """From 2 to 4 m/min in 0.5 s the speed is 2.5 and 3.6 m/min after 0.125 and 0.4 s."""
     table = {"speed": [2.5, 3.6, 9], "speed_unit": "m/min", "value": [1, 3, 4], "unit": "L/min"}
     ramp = {"time": [0, 0.5], "time_unit": "s", "value": [2, 4], "unit": "m/min"}
     case = small({SURFACE: [SPRAY | {"flow": table}], **TO, "casting.speed": ramp})
@@ -70,7 +70,7 @@ def test_steps_end_where_the_speed_comes_to_a_row() -> None:
     assert found == pytest.approx([0.125, 0.4], rel=1e-12)
 
 
-def test_over_time_it_is_what_holds_at_the_time() -> None:
+def test_water_over_time_follows_its_table() -> None:
     table = {"time": [0, 1], "time_unit": "s", "value": [0, 400], "unit": "L/min"}
     ramp, mean = (
         heat({"flow": table, "area": "1 m^2"}),
@@ -100,7 +100,7 @@ def test_water_that_runs_out_cools_a_zone_as_it_cools_under_a_nozzle(name: str) 
         assert law.flux(warm, water)[0] == pytest.approx(h * (warm - 298.15), rel=1e-12)
 
 
-def test_the_slope_of_water_that_changes() -> None:
+def test_slope_with_changing_water_matches_differences() -> None:
     law = flux_laws.Sprayed(CORRELATIONS["sasaki"], lambda t: 5.0 * t, 10.0, 298.15)
     warm, d = np.array([700.0, 1100.0, 1400.0]), 0.1
     slope = (law.flux(warm + d, 1.5)[0] - law.flux(warm - d, 1.5)[0]) / (2 * d)
@@ -110,21 +110,21 @@ def test_the_slope_of_water_that_changes() -> None:
 
 
 def steel_passing() -> float:
-    """Mass per length of the whole section at the density of the solidus, kg/m."""
+    """Return the mass per length of the full section at the density of the solidus, kg/m."""
     case = small()
     mesh, steel = build_mesh(**case.mesh_parameters()), case_steel(case)
     return float(mesh.multiplicity * mesh.exact_area * steel.density(steel.solidus, "below"))
 
 
-def test_water_per_mass_of_steel_is_the_flow_over_what_passes() -> None:
+def test_specific_water_is_the_flow_per_mass_of_steel() -> None:
     litres = 2.0 * steel_passing() * 3.6  # a minute, of 2 L/kg at 3.6 m/min
     by_flow = heat({"flow": f"{litres!r} L/min"}, casting__speed="3.6 m/min")
     by_mass = heat({"specific": "2 L/kg"}, casting__speed="3.6 m/min")
     assert by_mass == pytest.approx(by_flow, rel=1e-12)
 
 
-def test_water_per_mass_of_steel_follows_the_speed() -> None:
-    """As a table of flows through zero does, while the speed rises."""
+def test_specific_water_follows_the_speed() -> None:
+    """It is equal to a flow proportional to the speed, while the speed increases."""
     ramp = {"time": [0, 1], "time_unit": "s", "value": [2, 4], "unit": "m/min"}
     litres = [0.0, 2.0 * steel_passing() * 4.0]
     table = {"speed": [0, 4], "speed_unit": "m/min", "value": litres, "unit": "L/min"}
@@ -132,9 +132,9 @@ def test_water_per_mass_of_steel_follows_the_speed() -> None:
     assert heat({"specific": "2 L/kg"}, casting__speed=ramp) == pytest.approx(by_flow, rel=1e-9)
 
 
-def test_shares_of_a_total() -> None:
-    alone = heat({"specific": "2 L/kg"})
-    assert heat({"share": 1.0}, water__specific="2 L/kg") == pytest.approx(alone, rel=1e-12)
+def test_zones_take_shares_of_a_total() -> None:
+    expected = heat({"specific": "2 L/kg"})
+    assert heat({"share": 1.0}, water__specific="2 L/kg") == pytest.approx(expected, rel=1e-12)
     bent = {"time": [0, 0.2, 0.4], "time_unit": "s", "value": [1, 3, 2], "unit": "L/min"}
     simulation = build(
         small({SURFACE: [SPRAY | {"share": 1.0}], **TO, "water.flow": bent}), MPI.COMM_SELF
@@ -147,7 +147,7 @@ def test_shares_of_a_total() -> None:
     small({SURFACE: halves, **TO, "water.specific": "2 L/kg"})
 
 
-def test_the_check_tells_litres_per_kilogram() -> None:
+def test_check_prints_litres_per_kilogram() -> None:
     case = small({SURFACE: [SPRAY | {"specific": "2 L/kg"}], **TO})
     lines = water_lines(case, case_steel(case), build_mesh(**case.mesh_parameters()))
     assert all(line.split()[-2:] == ["2", "L/kg"] for line in lines[1:])
@@ -157,20 +157,20 @@ def test_the_check_tells_litres_per_kilogram() -> None:
 @pytest.mark.parametrize(
     ("speed", "most"),
     [
-        ("1.5 m/min", 150.0),  # not the 300 L/min of a speed that is never cast
+        ("1.5 m/min", 150.0),  # not the 300 L/min of a speed that does not occur
         ({"time": [0, 9], "time_unit": "s", "value": [1, 3.5], "unit": "m/min"}, 300.0),
         ({"time": [0, 9], "time_unit": "s", "value": [3.5, 5], "unit": "m/min"}, 250.0),
     ],
 )
-def test_the_most_water_is_that_of_the_speeds_that_are_cast(speed: Any, most: float) -> None:
+def test_largest_water_is_that_of_the_speeds_that_occur(speed: Any, most: float) -> None:
     table = {"speed": [1, 3, 4], "speed_unit": "m/min", "value": [100, 300, 200], "unit": "L/min"}
     case = small({SURFACE: [SPRAY | {"flow": table}], **TO, "casting.speed": speed})
     lines = water_lines(case, case_steel(case), build_mesh(**case.mesh_parameters()))
     assert lines[1].split()[1] == f"{most:g}"
 
 
-def test_a_total_needs_the_end_of_its_zone() -> None:
-    """Else the water of a place would change with the length that a run follows."""
+def test_total_needs_the_end_of_its_zone() -> None:
+    """Otherwise the local water would depend on the casting length of the run."""
     for law in ({"specific": "2 L/kg"}, {"flow": "9 L/min"}):
         with pytest.raises(InputError, match=r"surface\.0 .*has no end; give the zone its end"):
             small({SURFACE: [SPRAY | law]})
@@ -179,8 +179,8 @@ def test_a_total_needs_the_end_of_its_zone() -> None:
         small({SURFACE: [{"law": "flux", "value": "1 MW/m^2", "power": "9 kW"}]})
 
 
-def test_a_zone_below_the_run_has_no_water() -> None:
-    """One without an end, per area: that of a length below zero would be taken off the sum."""
+def test_zone_below_the_run_has_no_water() -> None:
+    """A zone without an end must not be counted with a negative length."""
     zones = [
         {"name": "a", "to": "0.1 m", "surface": [SPRAY | {"water": "5 L/(m^2 s)"}]},
         {"name": "b", "surface": [SPRAY | {"water": "5 L/(m^2 s)"}]},
@@ -198,7 +198,7 @@ def test_a_zone_below_the_run_has_no_water() -> None:
         ({"specific": "1 L/kg"}, "no zone and no circuit takes a share"),
     ],
 )
-def test_a_total_that_is_not_said(water: dict[str, str], message: str) -> None:
+def test_incomplete_total_is_rejected(water: dict[str, str], message: str) -> None:
     with pytest.raises(InputError, match=message):
         small({"water": water})
 
@@ -214,13 +214,13 @@ def test_a_total_that_is_not_said(water: dict[str, str], message: str) -> None:
         ({"share": 1.0}, r"is a share of \[water\], which is missing"),
     ],
 )
-def test_water_that_is_not_said(law: dict[str, str], message: str) -> None:
+def test_contradicting_water_is_rejected(law: dict[str, str], message: str) -> None:
     with pytest.raises(InputError, match=message):
         small({SURFACE: [SPRAY | law]})
 
 
-def test_negative_strip_of_a_sine() -> None:
-    """Where the mould's speed is that of the strand, found by sampling the sine."""
+def test_negative_strip_time_of_a_sine_is_exact() -> None:
+    """The reference samples the time in which the mould moves faster than the strand."""
     mould = Oscillation.model_validate({"stroke": "6 mm", "frequency": "150 1/min"})
     speed, period = 1.2 / 60.0, 60.0 / 150.0
     times = (np.arange(200000) + 0.5) / 200000 * period
@@ -230,20 +230,20 @@ def test_negative_strip_of_a_sine() -> None:
 
 
 @pytest.mark.parametrize(
-    ("face", "here", "asked"),
+    ("face", "present", "needed"),
     [
         ("wide_face_extrados", "quarter", "half"),
         ("narrow_face_left", "quarter", "whole"),
         ("narrow_face_left", "half", "whole"),
     ],
 )
-def test_faces_that_differ_ask_for_as_much_of_the_section(face: str, here: str, asked: str) -> None:
+def test_different_faces_need_a_larger_section(face: str, present: str, needed: str) -> None:
     law = SPRAY | {"water": "5 L/(m^2 s)", "on": [face]}
-    message = rf'a {here} are alike: section\.symmetry = "{asked}" has'
+    message = rf'a {present} are alike: section\.symmetry = "{needed}" has'
     with pytest.raises(InputError, match=message):
-        small({SURFACE: [law], "section.symmetry": here})
-    enough = small({SURFACE: [law], "section.symmetry": asked})
-    assert enough.cooling[0].surface[0].on == (face,)
+        small({SURFACE: [law], "section.symmetry": present})
+    larger = small({SURFACE: [law], "section.symmetry": needed})
+    assert larger.cooling[0].surface[0].on == (face,)
     with pytest.raises(InputError) as caught:
         small({SURFACE: [law | {"on": ["wide_faces"]}]})
     assert "are alike" not in str(caught.value)
