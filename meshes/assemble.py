@@ -17,13 +17,13 @@ from castfem.meshes.outline import Outline, Point
 from castfem.meshes.section_mesh import SectionMesh
 
 MULTIPLICITY = {"quarter": 4, "half": 2, "whole": 1}
-"""How many times the modelled part makes up the whole, by name of the symmetry."""
+"""Number of modelled parts in the whole section, by name of the symmetry."""
 
 SMALLEST_SCALED_JACOBIAN = 0.05
 """A cell below this (angles within 3 degrees of 0 or 180) is degenerate."""
 
 _ON_CHORD = 1e-9
-"""Of its length, and of the section: how near the start of a probe lies to what it lies on."""
+"""Tolerance for points on a line, relative to its length or to the size of the section."""
 
 # Vertices joined by the sides in the order of DOLFINx' second-order nodes.
 _MIDDLE_ENDS = {

@@ -41,7 +41,7 @@ def beam_blank(
         height: Height of the flanges from tip to tip (y), m.
         web_thickness: Thickness of the web (y), m.
         flange_thickness: Thickness of a flange at its tip (x), the flank drawn through, m.
-        root_thickness: Thickness of a flange at the surface of the web, likewise, m.
+        root_thickness: Thickness of a flange at the surface of the web (x), m.
         fillet_radius: Radius between web and flank (concave), m.
         shoulder_radius: Radius between flank and tip (convex), m.
         corner_radius: Radius between tip and outer face (convex), m.

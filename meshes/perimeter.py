@@ -78,9 +78,9 @@ def best_ring(cost: Callable[[Ring], float], freedom: str) -> Ring:
 
 
 def ring_cost(growth: float, angle: float, cells: int, slant: float = 0.0) -> float:
-    """What `best_ring` is to minimise.
+    """Cost that `best_ring` minimises.
 
-    Growth below 1.2 is as good as none, and then fewer cells are worth more.
+    Growth below 1.2 counts like none, so that the number of cells decides.
 
     Args:
         growth: Logarithm of the largest ratio of neighbouring sizes.

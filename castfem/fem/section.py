@@ -219,7 +219,7 @@ def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.
     Each cut has, among several directions, the one with the most even rim and few shared nodes.
 
     Args:
-        points: (n, 2), m.
+        points: Coordinates of the vertices (n, 2), m.
         cells: Nodes of each cell (m, k).
         rim: Whether a cell is at the surface (m,).
         ranks: Number of ranks.

@@ -93,7 +93,7 @@ def ends_with_tail(case: Case) -> bool:
 
 
 def followed(case: Case) -> list[float]:
-    """How long each slice is followed, s: to the end of the machine or of the computed time."""
+    """Time for which each slice is followed, s: to the end of the machine or computed time."""
     assert case.caster is not None
     cast, last, length = cast_of(case), case.caster.instants[-1], case.casting.length
     starts = starts_of(case)

@@ -76,7 +76,8 @@ class SurfaceStress:
         law: Constitutive law.
 
     Attributes:
-        strained: As given. response: Last response of the law.
+        strained: Strain of the points.
+        response: Last response of the law.
         strain: Strain increments of that response (n, 4).
         liquid: Ferrostatic pressure at the points at the end of the step (n,), Pa.
     """

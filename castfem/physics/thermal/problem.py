@@ -338,15 +338,15 @@ class ThermalProblem:
         return other
 
     def rate(self, point: CurvePoint, time: float) -> tuple[Array, Array]:
-        """How fast the steel warms at given temperatures with the present cooling.
+        """Rate of the enthalpy at given temperatures with the present cooling.
 
         Args:
             point: Values of the curve at the vertices.
             time: Time since the meniscus, s.
 
         Returns:
-            dH/dt (owned,), W/m3, and how fast it decays while the other vertices keep their
-            temperatures (owned,), 1/s.  Both are 0 where the temperature is prescribed.
+            dH/dt (owned,), W/m3, and its rate of decay while the other vertices keep their
+            temperatures (owned,), 1/s. Both are 0 where the temperature is prescribed.
         """
         flow, slope = self.conducted(point.conduction) - self._source, np.zeros_like(self.area)
         cooled = self.surface_heat.vertices

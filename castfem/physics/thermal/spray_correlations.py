@@ -36,7 +36,7 @@ class Correlation:
     #: lowest and highest measured surface temperature, K; for `wendelstorf` relative to the water
     surface: tuple[float, float] = (0.0, math.inf)
     excess: bool = False  #: whether `surface` is relative to the water
-    held: str = ""  #: what is constant beyond the largest flow; "": the formula is extrapolated
+    held: str = ""  #: quantity that is constant beyond the largest flow; "" for extrapolation
 
     def coefficient(
         self, water: Flow, water_temperature: float, machine_factor: float, surface: Array
