@@ -2,7 +2,7 @@
 
 Every section has two planes of symmetry, so builders mesh a quarter (x >= 0, y >= 0). Here the
 quarter gets its boundary groups and its second-order nodes, is mirrored to a half or to the whole,
-and is refused if anything about it is wrong.
+and is checked.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def _on_chords(
     outline: Outline,
     piece: np.ndarray,
 ) -> dict[str, Probe]:
-    """Let probes that begin on an arc begin on the straight facets that stand for it."""
+    """Move starts of probes from an arc to the straight facets that approximate it."""
     found = dict(probes)
     for name, probe in probes.items():
         start, end = np.array(probe.start), np.array(probe.end)

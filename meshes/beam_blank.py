@@ -94,8 +94,8 @@ def surface_pieces(
     flank = top - foot
     length = float(np.hypot(*flank))
     up = flank / length
-    # Tangent lengths: radius times tan of half the turn, the turn between two directions.
-    steep = math.atan2(up[1], up[0])  # of the flank above the web
+    # Tangent lengths: radius times tan of half the angle between two directions.
+    steep = math.atan2(up[1], up[0])  # angle between flank and web
     cut_fillet = fillet * math.tan(0.5 * steep)
     cut_shoulder = shoulder * math.tan(0.5 * steep)
     for name, cut, room, where in (

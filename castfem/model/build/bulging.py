@@ -184,8 +184,8 @@ class PitchByPitch:
         for i, (span, profile) in enumerate(zip(spans, shells, strict=True)):
             bulge, added = strips[i]
             top, most = _furthest(bulge)
-            # The shell's stiffness between its rolls is p/w, where p is the remaining head. Below a
-            # missing roll a shell that has crept dips everywhere: it is as soft there.
+            # The shell's stiffness between its rolls is p/w, where p is the remaining head. It is
+            # used also below a missing roll, where a crept shell is deflected everywhere.
             left = max(self.core.share_handed_on(profile), LIMITS.within)
             new["stiffness"][i] = head / max(most / left, LIMITS.least_bulge)
             new["thickness"][i], new["largest"][i] = bulge.thickness, top

@@ -42,9 +42,9 @@ class Zones:
     """Cooling along the machine as the slice meets it over time.
 
     Args:
-        case: Sound.
+        case: Sound case.
         machine: Positions and times of the slice.
-        steel: Gives the emissivity where the case does not.
+        steel: Steel, with the emissivity if the case has none.
         surface: Perimeter shares of the section's boundary groups.
         beside: Zones of another slice whose case differs only in speed, superheat, water and start.
 

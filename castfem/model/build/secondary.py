@@ -43,7 +43,7 @@ class SecondaryCooling:
     Args:
         case: Sound case with [secondary].
         machine: Positions and times of the slice.
-        steel: Gives the emissivity where the case does not.
+        steel: Steel, with the emissivity if the case has none.
         surface: Perimeter shares of the section's boundary groups.
         start: Start of this cooling, from the meniscus, m.
         rows: Rows of nozzles; by default those of the case

@@ -50,7 +50,7 @@ def flows_up_to(most: float, least: float = 0.0) -> Array:
 
     Args:
         most: Largest flow, L/(m2 s).
-        least: A flow to be among them, L/(m2 s).
+        least: A flow that is included, L/(m2 s).
     """
     growing = most * np.geomspace(0.01, 1.0, 50)
     growing[-1] = most  # without rounding

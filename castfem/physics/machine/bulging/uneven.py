@@ -132,8 +132,8 @@ class UnevenRolls:
         shell that would be 1 um beyond a released roll touches it again.
 
         Returns:
-            The strip, and the force on each roll except the outermost ones, N per
-            metre of width, zero for rolls that it does not touch.
+            The strip, and the force on each roll except the outermost ones, N per metre of width,
+            zero for rolls that it does not touch.
         """
         left: list[int] = []
         firm = (*numbers[:2], *numbers[-2:])
