@@ -144,8 +144,8 @@ def within(row: Mapping[str, Any]) -> bool:
 
 def held(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return how many of the results with a finer run are within their stated error."""
-    known = [row for row in rows if FINE in row]
-    return f"{sum(map(within, known))} of {len(known)}"
+    compared = [row for row in rows if FINE in row]
+    return f"{sum(map(within, compared))} of {len(compared)}"
 
 
 def show(output: Output) -> None:

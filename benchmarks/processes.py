@@ -46,7 +46,7 @@ def castfem(*words: str, environment: Mapping[str, str] | None = None) -> Spent:
 
 def launch(
     module: str,
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     ranks: int = 1,
     environment: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
@@ -54,14 +54,14 @@ def launch(
 
     Args:
         module: Module that reads `argument` and calls `answer` with its results.
-        given: Its argument.
+        arguments: What `argument` returns in the new process.
         ranks: Number of processes.
         environment: Variables that are added to those of this process.
 
     Raises:
         RuntimeError: The module failed; the message contains its output.
     """
-    command = [sys.executable, "-m", module, json.dumps(given)]
+    command = [sys.executable, "-m", module, json.dumps(arguments)]
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PMIX_", "PMI_"))}
     clean |= environment or {}
     if ranks > 1:

@@ -141,7 +141,7 @@ def converge(
     """
     rows: list[dict[str, Any]] = []
 
-    def made(name: str, settings: Settings) -> Result:
+    def add_run(name: str, settings: Settings) -> Result:
         result = run(settings)
         rows.append(row(name, settings, result))
         say("  " + ", ".join(f"{k} {v}" for k, v in rows[-1].items()))
@@ -150,12 +150,12 @@ def converge(
     limits: dict[str, list[tuple[Array, Array]]] = {q: [] for q in QUANTITIES}
     for family in families(corner, factors):
         members = [replace(m, step=steps[0]) for m in family.members()]
-        results = [made(family.name, m) for m in members]
+        results = [add_run(family.name, m) for m in members]
         sizes = np.array([m.surface_size for m in members])
         for q in family.serves:
             limits[q].append(fitted(sizes, histories(results, q)))
     coarsest = families(corner, factors)[0].coarsest
-    by_step = [made("time step", replace(coarsest, step=step)) for step in steps]
+    by_step = [add_run("time step", replace(coarsest, step=step)) for step in steps]
     values, uncertainty = {}, {}
     for q, found in limits.items():
         ends, doubts = np.array([e for e, _ in found]), np.array([d for _, d in found])

@@ -39,7 +39,7 @@ class Scene:
 
     path: Path  #: path of the case
     changes: tuple[str, ...] = ()  #: changed keys
-    known: str = ""  #: mould, if `billet_error` has its finer run; "" to do that run here
+    mould: str = ""  #: mould whose finer run `billet_error` has done; "" to do that run here
 
 
 BLANK = ROOT / "benchmarks" / "beam_blank.toml"
@@ -80,8 +80,8 @@ def measure(name: str, scene: Scene, folder: Path) -> list[dict[str, Any]]:
     """Do ladder and finer run of a scene; return a row for each headline number."""
     case = load_case(scene.path, (*scene.changes, *QUIET))
     rungs = levels(case)
-    found = run_all(name, rungs if scene.known else (*rungs, finer(case)), folder).table()
-    truth = _known(scene.known) if scene.known else _values(folder / "finer")
+    found = run_all(name, rungs if scene.mould else (*rungs, finer(case)), folder).table()
+    truth = _from_billet_error(scene.mould) if scene.mould else _values(folder / "finer")
     return [_row(name, found, truth, number) for number in main_names(found) if number in truth]
 
 
@@ -104,7 +104,7 @@ def _values(folder: Path) -> dict[str, float]:
     return {} if summary is None else {n: q.shown for n, q in summary.quantities.items()}
 
 
-def _known(mould: str) -> dict[str, float]:
+def _from_billet_error(mould: str) -> dict[str, float]:
     """Return the results of the finer run of `billet_error`: cells 0.35 mm, windows 0.05 s."""
     rows = Output(PAGE.parent).rows("billet_error")
     row = next(r for r in rows if (r["mould"], r["run"]) == (mould, "finer"))
@@ -152,20 +152,20 @@ def show(output: Output) -> None:
     wrong = [
         {"what": f"{r['scene']}: {r['what']} [{r['unit']}]",
          **{key: f"{r[key]:.4g}" for key in ("value", "stated", "found")}}
-        for r in _known_rows(output) if r["stated"] < r["found"]
+        for r in _compared_rows(output) if r["stated"] < r["found"]
     ]  # fmt: skip
     words = {"what": "number", "value": "castfem", "stated": "stated", "found": "found"}
     output.insert("stated error missed", table(wrong, words, {}))  # there may be none
 
 
-def _known_rows(output: Output) -> list[dict[str, Any]]:
+def _compared_rows(output: Output) -> list[dict[str, Any]]:
     """Return the numbers with a stated error and an error found that are not zero."""
     return [r for r in output.rows("stated_error") if r["stated"] and r["found"]]
 
 
 def _count(output: Output) -> None:
     """Write how often the stated error holds, for each case and for all together."""
-    rows = _known_rows(output)
+    rows = _compared_rows(output)
     scenes = dict.fromkeys(r["scene"] for r in rows)
     lines = [_line(scene, [r for r in rows if r["scene"] == scene]) for scene in scenes]
     output.csv("stated_error_cases", [*lines, _line("together", rows)])
