@@ -82,7 +82,8 @@ def measure(name: str, scene: Scene, folder: Path) -> list[dict[str, Any]]:
     rungs = levels(case)
     found = run_all(name, rungs if scene.mould else (*rungs, finer(case)), folder).table()
     truth = _from_billet_error(scene.mould) if scene.mould else _values(folder / "finer")
-    return [_row(name, found, truth, number) for number in main_names(found) if number in truth]
+    names = [number for number in main_names(found.quantities) if number in truth]
+    return [_row(name, found, truth, number) for number in names]
 
 
 def run_all(name: str, rungs: Sequence[Level], folder: Path) -> Ladder:
