@@ -42,15 +42,15 @@ STUDIES = {
     "systems": ("systems", "environment.md"),
     "grades": ("grades", "my_steel.md"),
 }
-"""Name -> module and page with its tables, in the order in which they run.
+"""Module of each benchmark and page with its tables, in the order in which they run.
 
-Each module has `main(output, quick)`, which runs, and `show(output)`, which makes the tables."""
+`main(output, quick)` of a module runs the benchmark, `show(output)` writes its tables."""
 BENCHMARKS = {name: f"benchmarks.{module}" for name, (module, _) in STUDIES.items()}
 PAGES = {name: page for name, (_, page) in STUDIES.items()}
 
 
 def parse() -> argparse.Namespace:
-    """The command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
         description="Run the benchmarks; they write what docs/benchmarks*.md show.",
@@ -72,17 +72,17 @@ def parse() -> argparse.Namespace:
 
 
 def tables(folder: Path) -> None:
-    """Make all that the pages quote anew from the data in `folder`; nothing is run."""
+    """Rewrite all tables and quoted numbers of the pages from the data in `folder`."""
     for name, module in BENCHMARKS.items():
         import_module(module).show(Output(folder, PAGES.get(name, PAGE.name)))
     quoted.rewrite(folder)
 
 
 def main() -> None:
-    """Run what was asked for."""
-    given = parse()
-    folder = given.output or (ROOT / "results" / "benchmarks" if given.quick else PAGE.parent)
-    for name in given.names or BENCHMARKS:
+    """Run the requested benchmarks."""
+    options = parse()
+    folder = options.output or (ROOT / "results" / "benchmarks" if options.quick else PAGE.parent)
+    for name in options.names or BENCHMARKS:
         if name == "tables":
             tables(folder)
             continue
@@ -93,7 +93,7 @@ def main() -> None:
 
             reference.main(output)
         else:
-            import_module(BENCHMARKS[name]).main(output, given.quick)
+            import_module(BENCHMARKS[name]).main(output, options.quick)
         print(f"{name}: {perf_counter() - start:.0f} s", flush=True)
     if folder == PAGE.parent:
         quoted.rewrite(folder)

@@ -1,4 +1,4 @@
-"""Error against run time: time scheme, cell, mesh and step, all against the converged reference."""
+"""Error against run time by time scheme, cell, mesh and step; the reference is converged."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEVELS = ((1.0, 0.2), (0.3, 0.06), (0.1, 0.02))
-"""Errors asked for: K at mid-face and in the corner, % of the heat removed."""
+"""Error levels: K at mid-face and in the corner, % of the heat removed."""
 
 GRADED = Settings(
     surface_size=0.4, corner_size=0.4, face_size=4.0, core_size=4.0, surface_depth=5.0,
     core_depth=20.0,
 )  # fmt: skip
-"""The grading found to be the cheapest: fine cells as deep as the shell, then growing quickly."""
+"""The cheapest grading: fine cells to the depth of the shell, then quickly growing ones."""
 
 SIZES = {"quadrilateral": (1.2, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2), "triangle": (0.8, 0.6, 0.4)}
 FIXED = {"sdirk2": (0.5, 0.25, 0.1, 0.05), "backward_euler": (0.5, 0.1, 0.05, 0.02, 0.01)}
@@ -40,7 +40,7 @@ NAMES = {
 
 
 class History(Protocol):
-    """Results of any code at the instants of comparison."""
+    """Results of any program at the instants of comparison."""
 
     @property
     def mid_face(self) -> Array:
@@ -59,7 +59,7 @@ class History(Protocol):
 
 
 def errors(result: History, reference: Reference) -> dict[str, float]:
-    """Errors of a run: at the exit of the mould (10 s), and the largest from 5 s on; K and %."""
+    """Return the errors of a run at the mould exit (10 s) and the largest from 5 s on; K and %."""
     mid = result.mid_face - reference.values["mid_face"]
     corner = result.corner - reference.values["corner"]
     heat = 100.0 * (result.heat / reference.values["heat"] - 1.0)
@@ -74,12 +74,12 @@ def errors(result: History, reference: Reference) -> dict[str, float]:
 
 
 def worst(row: dict[str, Any]) -> float:
-    """Largest temperature error from 5 s on, K."""
+    """Return the largest temperature error from 5 s on, K."""
     return float(max(row["mid_face_late_K"], row["corner_late_K"]))
 
 
 def row_of(result: Result, reference: Reference) -> dict[str, Any]:
-    """A run as a row of the table."""
+    """Return the row of a run in the table."""
     s = result.settings
     return {
         "variant": s.corner,
@@ -98,12 +98,12 @@ def row_of(result: Result, reference: Reference) -> dict[str, Any]:
 
 
 def sweep(corner: str, quick: bool = False) -> Iterable[Settings]:
-    """The settings of all runs of a variant."""
+    """Yield the settings of all runs of a variant."""
     # At a sharp corner the shell is twice as thick along the diagonal.
     base = replace(GRADED, corner=corner, surface_depth=5.0 if corner == "rounded" else 10.0)
     for cell, sizes in SIZES.items():
         if corner == "sharp" and cell == "triangle":
-            continue  # rectangles cut in two: the same equations but for the corner's vertex
+            continue  # halved rectangles: the same equations except at the corner's vertex
         for size in sizes[:3] if quick else sizes:
             mesh = replace(base, cell=cell, surface_size=size, corner_size=size)
             for scheme in ("sdirk2", "backward_euler"):
@@ -118,7 +118,7 @@ def sweep(corner: str, quick: bool = False) -> Iterable[Settings]:
 def cheapest(
     rows: list[dict[str, Any]], level: tuple[float, float], **like: Any
 ) -> dict[str, Any] | None:
-    """The fastest run within a level, among the rows that have the values `like`."""
+    """Return the fastest run within a level among the rows that have the values `like`."""
     good = [
         r
         for r in rows
@@ -130,7 +130,7 @@ def cheapest(
 
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
-    """Errors against run time, temperature and heat, with the front of each scheme and cell."""
+    """Draw temperature and heat errors over run time, with the front of each scheme and cell."""
     from castfem.post.plots.style import look, new_figure
 
     colours = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
@@ -185,20 +185,20 @@ FORMATS = {
 
 
 def levels_table(rows: list[dict[str, Any]], variant: str) -> str:
-    """The cheapest settings for each level by cell and scheme."""
+    """Return the table of the cheapest settings for each level by cell and scheme."""
     lines = []
     for level in LEVELS:
         for (cell, scheme), name in NAMES.items():
             if not any(r["cell"] == cell and r["scheme"] == scheme for r in rows):
                 continue
             found = cheapest(rows, level, cell=cell, scheme=scheme, variant=variant)
-            asked = f"{level[0]:g} K, {level[1]:g} %"
-            lines.append({"level": asked, "kind": name, **(found or {"stepping": "not reached"})})
+            target = f"{level[0]:g} K, {level[1]:g} %"
+            lines.append({"level": target, "kind": name, **(found or {"stepping": "not reached"})})
     return table(lines, HEADINGS, FORMATS)
 
 
 def default_settings() -> Settings:
-    """Mesh and time stepping of the shipped case."""
+    """Return mesh and time stepping of the shipped case."""
     case = load_case(CASE)
     mesh, time = case.mesh, case.thermal.time
     adaptive = time.adaptive
@@ -214,7 +214,7 @@ def default_settings() -> Settings:
 
 
 def main(output: Output, quick: bool = False) -> None:
-    """Run the sweep of both variants; table, CSV and figure."""
+    """Run the sweep of both variants; write tables, CSV and figure."""
     references = load()
     rows: list[dict[str, Any]] = []
     for corner, reference in references.items():
@@ -238,7 +238,7 @@ def main(output: Output, quick: bool = False) -> None:
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     converged.show(output)
     rows = output.rows("accuracy")
     for corner in dict.fromkeys(r["variant"] for r in rows):

@@ -1,7 +1,7 @@
-"""The thermal benchmark: the quarter of the 125 mm billet in its idealised mould, for 10 s.
+"""The thermal benchmark: a quarter of the 125 mm billet in its idealised mould, for 10 s.
 
-The case is `cases/billet125/thermal.toml`; what is varied is the corner (rounded as in the case,
-or sharp), the mesh, and the time stepping.
+The case is `cases/billet125/thermal.toml`. The corner (rounded as in the case, or sharp), the mesh
+and the time stepping are varied.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ EVERY = 0.5  # s between the instants at which results are compared; every schem
 END = 10.0  # s, the exit of the mould
 INSTANTS = np.arange(1, round(END / EVERY) + 1) * EVERY
 LATE = INSTANTS >= 0.5 * END - 1e-9
-"""The instants errors are judged at: the second half of the mould."""
+"""Mask of the instants at which errors are computed: the second half of the mould."""
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a run is made with; lengths in mm, times in s."""
+    """Settings of a run; lengths in mm, times in s."""
 
     corner: str = "rounded"  #: "rounded" (5 mm, as in the case) or "sharp"
     cell: str = "quadrilateral"  #: "quadrilateral" or "triangle"
-    #: and the other lengths of [mesh]; None leaves the optional ones to castfem
+    #: this and the other lengths of [mesh]; for None, castfem chooses the optional ones
     surface_size: float = 0.5
     corner_size: float | None = None
     face_size: float | None = None
@@ -52,13 +52,13 @@ class Settings:
     core_depth: float | None = None
     scheme: str = "sdirk2"  #: "sdirk2" or "backward_euler"
     step: float | None = None  #: fixed step, s; None for adaptive stepping
-    tolerance: float | None = None  #: of adaptive stepping, K; None for a fixed step
-    largest: float = 0.5  #: its largest step, s
+    tolerance: float | None = None  #: tolerance of adaptive stepping, K; None for a fixed step
+    largest: float = 0.5  #: largest adaptive step, s
     solver: dict[str, Any] = field(default_factory=dict, hash=False)  #: PETSc options
 
     @property
     def stepping(self) -> str:
-        """The step in words: "0.1 s" or "2 K"."""
+        """Step as text: "0.1 s" or "2 K"."""
         return f"{self.step:g} s" if self.step is not None else f"{self.tolerance:g} K"
 
 
@@ -73,12 +73,12 @@ LENGTHS = (
 
 
 def base_document() -> dict[str, Any]:
-    """The tables of the case file, resolved."""
+    """Return the resolved tables of the case file."""
     return load_case(CASE).document()
 
 
 def time_table(settings: Settings) -> dict[str, Any]:
-    """[thermal.time] of `settings`."""
+    """Return [thermal.time] for `settings`."""
     table: dict[str, Any] = {"scheme": settings.scheme}
     if settings.step is not None:
         return table | {"step": f"{settings.step:.17g} s"}
@@ -92,7 +92,7 @@ def time_table(settings: Settings) -> dict[str, Any]:
 
 
 def billet_case(settings: Settings) -> Case:
-    """The case with `settings` in place of its own mesh and time stepping."""
+    """Return the case with the mesh and time stepping of `settings`."""
     document = base_document()
     document.pop("reference", None)
     document["section"]["corner_radius"] = f"{RADIUS[settings.corner]:g} mm"
@@ -106,19 +106,19 @@ def billet_case(settings: Settings) -> Case:
     thermal["time"] = time_table(settings)
     if settings.solver:
         thermal["solver"] = settings.solver
-    # Output times are milestones; the benchmark listens in place of the files.
+    # Output times are milestones; the benchmark keeps the samples instead of writing files.
     document["output"] = {"fields": ["temperature"], "every": f"{EVERY:g} s", "figures": False}
     return from_document(document, "benchmark")
 
 
 class Listener:
-    """Keeps the samples at the instants of comparison, where a run would write its files."""
+    """Keeps the samples at the instants of comparison; replaces the recorder of a run."""
 
     def __init__(self) -> None:
         self.kept: list[Sample] = []
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Keep `sample` if it falls on an instant."""
+        """Keep `sample` if its time is an instant of comparison."""
         nearest = round(sample.time / EVERY) * EVERY
         if nearest > 0.0 and same_instant(sample.time, nearest, END):
             self.kept.append(sample)
@@ -126,26 +126,26 @@ class Listener:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One run."""
+    """Results of one run."""
 
-    settings: Settings  #: what it was made with
+    settings: Settings  #: its settings
     mid_face: Array  #: surface temperature at mid-face at each of `INSTANTS` (n,), degC
-    corner: Array  #: the same in the corner
-    heat: Array  #: heat removed from the whole section until then (n,), MJ per m of strand
-    shell_mid_face: Array  #: depth of the solidus (n,), mm
-    shell_corner: Array  #: the same along the diagonal
-    vertices: int  #: unknowns
-    cells: int  #: cells
-    steps: int  #: steps taken
-    rejected: int  #: steps tried in vain
-    newton: int  #: Newton iterations
-    #: shortest time of the time loop, s, without output: of the processor; on ranks, by the clock
+    corner: Array  #: surface temperature in the corner (n,), degC
+    heat: Array  #: heat removed from the total section until then (n,), MJ per m of strand
+    shell_mid_face: Array  #: depth of the solidus at mid-face (n,), mm
+    shell_corner: Array  #: depth of the solidus along the diagonal (n,), mm
+    vertices: int  #: number of unknowns
+    cells: int  #: number of cells
+    steps: int  #: number of accepted steps
+    rejected: int  #: number of rejected steps
+    newton: int  #: number of Newton iterations
+    #: shortest time of the time loop without output, s: processor time; wall time on several ranks
     wall: float
     sections: dict[str, float]  #: time of the shortest run by section of the stopwatch, s
 
 
 def strip_case(length: float, size: float, step: float) -> Case:
-    """The same cooling of a strip of even cells: what mid-face sees; mm and s."""
+    """Return a strip of equal cells with the cooling of mid-face; lengths in mm, step in s."""
     document = billet_case(Settings(step=step)).document()
     document["section"] = {"shape": "strip", "length": f"{length} mm", "width": f"{size:.17g} mm"}
     document["mesh"] = {"surface_size": f"{size:.17g} mm", "core_size": f"{size:.17g} mm"}
@@ -162,10 +162,10 @@ def run(
     """Run the billet and time its time loop.
 
     Args:
-        settings: What to run.
-        repeats: How often to run; the shortest time counts.
+        settings: Corner, mesh and time stepping.
+        repeats: Number of runs; the shortest time is returned.
         patience: Seconds after which a run is not repeated any more.
-        case: What to run instead of the billet with `settings`.
+        case: Case to run instead of the billet with `settings`.
         comm: Ranks to run on; with several, `patience` has no effect.
     """
     case = billet_case(settings) if case is None else case
@@ -216,18 +216,18 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
 
 
 def _surface(sample: Sample, name: str) -> float:
-    """Surface temperature at the start of a probe, degC; nan where there is none (a strip)."""
+    """Return the surface temperature at a probe, degC; NaN without the probe (a strip)."""
     profile = sample.profiles.get(name)
     return float("nan") if profile is None else float(profile.temperature[0]) - ZERO_CELSIUS
 
 
 def _as_recorder(listener: Listener) -> Recorder:
-    """A time loop asks of its recorder no more than `step`."""
+    """Return `listener` as a recorder, of which a time loop uses only `step`."""
     return listener  # type: ignore[return-value]
 
 
 def refined(settings: Settings, factor: float) -> Settings:
-    """The same mesh with every size multiplied by `factor`."""
+    """Return `settings` with every cell size multiplied by `factor`."""
     sizes = ("surface_size", "corner_size", "face_size", "core_size")
     values = {name: getattr(settings, name) for name in sizes}
     return replace(settings, **{name: v * factor for name, v in values.items() if v is not None})

@@ -1,6 +1,6 @@
-"""What the coupled billet costs: its moulds, what contact adds, where the time goes, cells.
+"""Run time of the coupled billet: by mould, contact, part of the program and number of cells.
 
-Writes the section of docs/benchmarks_mechanics.md. All times are those of the processor.
+Writes the section of docs/benchmarks_mechanics.md. All times are processor times.
 """
 
 from __future__ import annotations
@@ -34,48 +34,48 @@ MECHANICS = "mechanics: "
 
 
 class Divided(Stopwatch):
-    """A stopwatch of processor time that keeps what the mechanics need apart from all else."""
+    """A stopwatch of processor time that counts the sections of the mechanics separately."""
 
     def __init__(self) -> None:
         super().__init__(process_time)
         self.side = ""
 
     def start(self, name: str) -> None:
-        """Enter section `name`, of the mechanics if they are at work."""
+        """Enter section `name`; within a step of the mechanics it counts as theirs."""
         super().start(self.side + name)
 
     def mechanics(self) -> dict[str, float]:
-        """Seconds of the mechanics by section."""
+        """Return the seconds of the mechanics by section."""
         n = len(MECHANICS)
         return {k[n:]: s for k, s in self.seconds.items() if k.startswith(MECHANICS)}
 
 
 def run_case(mould: str, changes: Sequence[str]) -> dict[str, Any]:
-    """Run one billet; seconds of all, of the mechanics by section, and counts."""
+    """Run one billet; return its total seconds, those of the mechanics by section, and counts."""
     watch = Divided()
     simulation = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF, watch)
     assert simulation.mechanics is not None
     step = simulation.mechanics.step
 
-    def watched(*given: Any) -> MechanicalResult:
+    def watched(*arguments: Any) -> MechanicalResult:
         watch.side = MECHANICS
         try:
             with watch.section("stepping"):
-                return step(*given)
+                return step(*arguments)
         finally:
             watch.side = ""
 
     simulation.mechanics.step = watched  # type: ignore[method-assign]
-    one = TimeLoop(simulation)
+    loop = TimeLoop(simulation)
     before, start = sum(watch.seconds.values()), process_time()
     with watch.section("time loop"):
-        one.run()
+        loop.run()
     found: dict[str, Any] = {
         "cells": simulation.section.mesh.topology.index_map(2).size_global,
-        "windows": one.run_state.counts.windows,
-        "iterations": one.run_state.counts.coupling_iterations or one.run_state.counts.windows,
-        "cut": one.run_state.counts.cut_back,
-        "newton": one.run_state.counts.newton_mechanics,
+        "windows": loop.run_state.counts.windows,
+        "iterations": loop.run_state.counts.coupling_iterations or loop.run_state.counts.windows,
+        "cut": loop.run_state.counts.cut_back,
+        "newton": loop.run_state.counts.newton_mechanics,
         "seconds": process_time() - start,
         "watched": sum(watch.seconds.values()) - before,
         "libraries": sum(s for k, s in watch.seconds.items() if k.endswith(LIBRARIES)),
@@ -88,7 +88,7 @@ def run_case(mould: str, changes: Sequence[str]) -> dict[str, Any]:
 
 
 def numbers(found: Mapping[str, Any]) -> dict[str, float]:
-    """What the tables show of a run: ms, and shares in %."""
+    """Return the numbers of a run that the tables show: times in ms, shares in %."""
     parts: Mapping[str, float] = found["parts"]
     mechanics, newton = sum(parts.values()), found["newton"]
     inside = sum(parts.get(name, 0.0) for name in LIBRARIES)
@@ -109,11 +109,11 @@ def numbers(found: Mapping[str, Any]) -> dict[str, float]:
 
 
 def moulds(output: Output, quick: bool) -> None:
-    """All moulds with one mesh, by turns, the quickest run of each."""
+    """Run all moulds alternately with one mesh; keep the quickest run of each."""
     chosen = dict(list(MOULDS.items())[:: 6 if quick else 1])
     keys = (*mesh(2.0), every(0.5)) if quick else NINE_HUNDRED
     best: dict[str, dict[str, Any]] = {}
-    for _ in range(1 if quick else REPEATS):  # by turns: a slow minute hits all alike
+    for _ in range(1 if quick else REPEATS):  # alternately: a slow minute affects all moulds
         for label, (mould, changes) in chosen.items():
             found = run_case(mould, (*keys, *changes))
             if label not in best or found["seconds"] < best[label]["seconds"]:
@@ -129,7 +129,7 @@ def moulds(output: Output, quick: bool) -> None:
 
 
 def show_moulds(output: Output) -> None:
-    """What a mould costs, from the data."""
+    """Write the tables of the moulds from the data."""
     rows = output.rows("billet_cost")
     head: Columns = {
         "mould": "mould", "newton": ("Newton a window", ".2f"),
@@ -151,11 +151,11 @@ def show_moulds(output: Output) -> None:
 
 
 def growth(output: Output, quick: bool) -> None:
-    """Time against cells."""
+    """Measure run time against the number of cells."""
     rows: list[dict[str, Any]] = []
     for mould in GROWN[:1] if quick else GROWN:
         for size in (3.0, 2.0) if quick else SIZES:
-            # The small ones are repeated: they are over too soon to be told from noise.
+            # Short runs are repeated, since noise is a large part of their time.
             keys = (*mesh(size), every(0.5 if quick else 0.1))
             tried = [run_case(mould, keys) for _ in range(2 if size > 0.6 and not quick else 1)]
             found = min(tried, key=lambda f: f["seconds"])
@@ -164,7 +164,7 @@ def growth(output: Output, quick: bool) -> None:
 
 
 def show_growth(output: Output) -> None:
-    """Time against cells, from the data."""
+    """Write the table of run time against the number of cells from the data."""
     rows = output.rows("billet_cells")
     head = {
         "mould": "mould", "cells": "cells", "newton": "Newton a window", "cut": "cut back",
@@ -175,21 +175,21 @@ def show_growth(output: Output) -> None:
     lines = []
     for name in dict.fromkeys(r["mould"] for r in rows):
         own = [r for r in rows if r["mould"] == name]
-        whole, one = power(own, "seconds"), power(own, "iteration_ms")
+        loop, step = power(own, "seconds"), power(own, "iteration_ms")
         lines.append(
-            f"* {name}: the time loop as cells^{whole:.2f}, an iteration as cells^{one:.2f}."
+            f"* {name}: the time loop as cells^{loop:.2f}, an iteration as cells^{step:.2f}."
         )
     output.insert("billet cells", table(rows, head, forms) + "\n\n" + "\n".join(lines))
 
 
 def main(output: Output, quick: bool) -> None:
-    """Moulds, and cells."""
+    """Measure run times by mould and by number of cells."""
     moulds(output, quick)
     growth(output, quick)
     show(output)
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     show_moulds(output)
     show_growth(output)

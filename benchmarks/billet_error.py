@@ -1,6 +1,6 @@
-"""The error of every headline number of the billets as shipped; and of the pressure on the wall.
+"""Errors of all headline numbers of the shipped billets, and of the pressure on the wall.
 
-Writes tables of docs/billet.md: the shipped defaults against finer cells and shorter windows.
+Writes tables of docs/billet.md. Errors are against runs on finer cells in shorter windows.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from castfem.runs.results.headline import HEADLINE
 FINE = (*mesh(0.35), every(0.05))
 PATIENCE = 900.0  # s
 DIGITS = {"shell": 2, "surface": 0, "heat": 3, "mould_heat": 3, "mould_contact": 1}
-"""After the point, by the beginning of the name; 3 for other lengths, 2 for all else."""
+"""Decimals by the beginning of a name; 3 for other lengths, 2 for all other quantities."""
 
 
 def main_names(runs: Sequence[Found]) -> list[str]:
-    """Headline quantities that any run has; both faces of a square billet are one."""
+    """Return the headline quantities of any run; the faces of a square billet count once."""
     return [
         name
         for name in HEADLINE
@@ -28,14 +28,14 @@ def main_names(runs: Sequence[Found]) -> list[str]:
 
 
 def heading(name: str, runs: Sequence[Found]) -> str:
-    """What the summary calls a quantity, without where it was found in one run."""
+    """Return the label of a quantity in the summary, without the position of its maximum."""
     run = next(r for r in runs if name in r.labels)
     unit = {"degC": "°C", "percent": "%"}.get(run.units[name], run.units[name])
     return f"{run.labels[name].partition(', at x')[0]} [{unit}]"
 
 
 def cell(name: str, what: str, default: Mapping[str, Any], finer: Mapping[str, Any]) -> str:
-    """The shipped value, and in brackets what it has more than the finer one."""
+    """Return the shipped value and, in brackets, its difference from the finer run."""
     if default.get(name) is None or finer.get(name) is None:
         return ""
     length = what.endswith("[mm]")
@@ -47,7 +47,7 @@ def cell(name: str, what: str, default: Mapping[str, Any], finer: Mapping[str, A
 
 
 def errors(output: Output, quick: bool) -> None:
-    """All six moulds as shipped, and refined; what is known is written after each."""
+    """Run all six moulds as shipped and refined; write the results after each."""
     shipped: dict[str, Found] = {}
     finer: dict[str, Found] = {}
     for mould in MOULDS[2:3] if quick else MOULDS:
@@ -57,7 +57,7 @@ def errors(output: Output, quick: bool) -> None:
 
 
 def show_errors(output: Output, shipped: Mapping[str, Found], finer: Mapping[str, Found]) -> None:
-    """Write the table of the moulds that have been run."""
+    """Write the data and the table of the moulds that have been run."""
     runs = list(shipped.values())
     names = main_names(runs)
     rows = []
@@ -72,7 +72,7 @@ def show_errors(output: Output, shipped: Mapping[str, Found], finer: Mapping[str
 
 
 def show_error(output: Output) -> None:
-    """Shipped values with their errors, from the data."""
+    """Write the table of shipped values with their errors from the data."""
     found = {(r["mould"], r["run"]): r for r in output.rows("billet_error")}
     moulds = list(dict.fromkeys(mould for mould, _ in found))
     pairs = {m: (found[m, "shipped"], found[m, "finer"]) for m in moulds}
@@ -88,13 +88,13 @@ def show_error(output: Output) -> None:
     output.insert("billet error", table(lines, head, {}))
 
 
-# What the wall carries.
+# Pressure on the wall
 
 SIZES = {"taper_1": (0.8, 0.5, 0.35), "taper_3": (0.8, 0.5, 0.35)}
 
 
 def pressures(output: Output, quick: bool) -> None:
-    """Highest and mean pressure at the exit with ever finer cells."""
+    """Compute highest and mean pressure at the exit on several cell sizes."""
     rows: list[dict[str, Any]] = []
     for mould, sizes in SIZES.items():
         for size in (2.0,) if quick else sizes:
@@ -104,7 +104,7 @@ def pressures(output: Output, quick: bool) -> None:
 
 
 def show_pressures(output: Output) -> None:
-    """What the wall carries, from the data."""
+    """Write the table of the pressure on the wall from the data."""
     head = {
         "mould": "mould", "size": "surface cells [mm]", "cells": "cells",
         "mean_contact_pressure_max": ("highest mean over 5 mm [MPa]", ".3f"),
@@ -118,7 +118,7 @@ def show_pressures(output: Output) -> None:
 
 
 def _pressure(mould: str, size: float, found: Found) -> dict[str, Any]:
-    """A row of the table."""
+    """Return a row of the table of pressures."""
     label = found.labels.get("contact_pressure_max", "")
     place = label.partition(", at x = ")[2].removesuffix(" mm").replace(" y = ", " ")
     keys = (
@@ -132,13 +132,13 @@ def _pressure(mould: str, size: float, found: Found) -> dict[str, Any]:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Both tables."""
+    """Compute both tables."""
     errors(output, quick)
     pressures(output, quick)
     show(output)
 
 
 def show(output: Output) -> None:
-    """Both tables, from the data."""
+    """Write both tables from the data."""
     show_error(output)
     show_pressures(output)

@@ -1,4 +1,4 @@
-"""One billet of thesis V.2 run in memory, and what its tables and figures take from it.
+"""Run of one billet of thesis V.2 in memory, and its results for tables and figures.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -29,7 +29,7 @@ MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_
 NAMES = dict(
     zip(MOULDS, ("idealised", "+3 %/m", "+1 %/m", "0 %/m", "-1 %/m", "-3 %/m"), strict=True)
 )
-PATIENCE = 300.0  # s of processor time, after which a run is given up
+PATIENCE = 300.0  # s of processor time after which a run is stopped
 HALF_FACE = 62.5e-3  # m
 
 SHOWN = {
@@ -45,7 +45,7 @@ SHOWN = {
 }
 """Quantities of the tables: heading and format."""
 
-# Where a trend is wanted, not a digit.
+# Coarse cells and windows, to see trends.
 COARSE = (
     "mesh.surface_size=1.2 mm",
     "mesh.corner_size=1.2 mm",
@@ -57,7 +57,7 @@ QUIET = ("output.fields=[]", "output.figures=false", "output.checkpoint_every=0"
 
 
 def mesh(size: float) -> tuple[str, ...]:
-    """Cells of `size` mm at the surface, the others in proportion to those shipped."""
+    """Return the keys for cells of `size` mm at the surface, others in the shipped proportion."""
     scale = size / 0.8
     return (
         f"mesh.surface_size={size:g} mm",
@@ -68,12 +68,12 @@ def mesh(size: float) -> tuple[str, ...]:
 
 
 def every(window: float) -> str:
-    """Coupling windows of `window` s."""
+    """Return the key for coupling windows of `window` s."""
     return f"coupling.interval={window:g} s"
 
 
 def touch(method: str, factor: float) -> str:
-    """Contact by a method with a factor."""
+    """Return the key for contact by a method with a factor."""
     return f'mould.contact={{method="{method}",factor={factor}}}'
 
 
@@ -83,21 +83,21 @@ class Late(CastfemError):
 
 @dataclass
 class Listener:
-    """Sits where a recorder does: looks at the clock and at every window."""
+    """Replaces the recorder of a run: checks the time and keeps results of every window."""
 
-    deadline: float  #: when to give up, s of `process_time`
-    penetration: float = 0.0  #: largest of all windows, m
+    deadline: float  #: time at which the run is stopped, s of `process_time`
+    penetration: float = 0.0  #: largest penetration of all windows, m
     unbalanced: float = 0.0  #: largest error of the forces
-    force: float = np.nan  #: of the wall on half a face at the last window, N per m of strand
-    pressure: float = np.nan  #: on the mid-face then, Pa
+    force: float = np.nan  #: force of the wall on half a face in the last window, N/m of strand
+    pressure: float = np.nan  #: pressure on mid-face in the last window, Pa
     #: position [m], gap [mm] and surface temperature [K] by probe, diagonal [m], of every window
     tracks: dict[str, list[float]] = field(default_factory=dict)
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Look at a committed window.
+        """Record a committed window.
 
         Raises:
-            Late: The time is over.
+            Late: The deadline has passed.
         """
         if process_time() > self.deadline:
             raise Late(f"given up at {sample.time:.2f} s")
@@ -122,11 +122,11 @@ class Listener:
         self.tracks.setdefault(name, []).append(value)
 
     def track(self, name: str) -> npt.NDArray[np.float64]:
-        """One of the tracks."""
+        """Return a track as an array."""
         return np.array(self.tracks[name])
 
     def cools_to(self, name: str, temperature: float) -> float:
-        """Where the surface at a probe first passes a temperature [K], mm; NaN if it does not."""
+        """Return where a probe's surface first cools to a temperature [K], mm; NaN if never."""
         surface, position = self.track(f"surface {name}"), 1e3 * self.track("position")
         below = np.flatnonzero(surface < temperature)
         if not below.size:
@@ -136,31 +136,31 @@ class Listener:
         return float(position[i - 1] + share * (position[i] - position[i - 1]))
 
     def lost(self) -> float:
-        """Where contact is first lost at a probe, mm, as `castfem show` has it; NaN if never."""
+        """Return where contact is first lost at a probe as in `castfem show`, mm; NaN if never."""
         gaps = [self.track(name) for name in self.tracks if name.startswith("gap ")]
         found = [s.start for gap in gaps for s in spells(gap, self.track("position"), OPEN)]
         return 1e3 * min(found, default=np.nan)
 
     def diagonal(self, position: float) -> float:
-        """The diagonal at a position [m], m."""
+        """Return the diagonal at a position [m], m."""
         return float(np.interp(position, self.track("position"), self.track("diagonal")))
 
 
 @dataclass(frozen=True)
 class Found:
-    """One run."""
+    """Results of one run."""
 
     #: results at the exit of the mould by name, in the units of the tables
     values: Mapping[str, float]
     seconds: float  #: processor time of the time loop
-    cells: int  #: of the mesh
-    failure: str = ""  #: why it has not come to its end, empty if it has
-    cut: int = 0  #: windows that were tried in vain
-    newton: int = 0  #: mechanical iterations
-    windows: int = 0  #: taken
-    #: what the values of the summary are called there, with where they were found
+    cells: int  #: number of cells
+    failure: str = ""  #: message of a run that failed, otherwise ""
+    cut: int = 0  #: number of windows that were cut back
+    newton: int = 0  #: number of Newton iterations of the mechanics
+    windows: int = 0  #: number of windows
+    #: labels of the values in the summary, with the position of a maximum
     labels: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)  #: theirs
+    units: Mapping[str, str] = field(default_factory=dict)  #: units of the values in the summary
 
 
 def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> Found:
@@ -192,10 +192,10 @@ def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> 
 
 
 def _on_the_way(listener: Listener, solidus: float, liquidus: float) -> dict[str, float]:
-    """What the summary does not have, in the units of the tables: mm, um, %/m, kN/m, MPa.
+    """Return results that the summary does not have; units of the tables: mm, um, %/m, kN/m, MPa.
 
-    The tapers are (302) and (303): closure over the size at the exit and the length, the corner's
-    from 125 mm below the meniscus (225 mm of the mould) on.
+    The taper is (303): closure of the diagonal over its size at the exit and the length, from
+    125 mm below the meniscus (225 mm of the mould) on.
     """
     found = {
         "penetration": 1e6 * listener.penetration,

@@ -1,7 +1,6 @@
-"""The billet of thesis V.2 in its six moulds, beside the thesis.
+"""The billet of thesis V.2 in its six moulds, compared with the thesis.
 
-Writes a table of docs/billet.md. All runs are those of `cases/billet125`, run in memory, one at
-a time.
+Writes a table of docs/billet.md. The cases of `cases/billet125` are run in memory, one at a time.
 """
 
 from __future__ import annotations
@@ -18,18 +17,16 @@ from castfem.model import load_case
 
 
 def thesis(mould: str) -> dict[str, float]:
-    """The numbers of the thesis that its case holds, in the units of the tables."""
-    found = {}
-    for reference in load_case(CASES / f"{mould}.toml").reference:
-        found[reference.quantity] = from_si(reference.si, reference.unit)
-    return found
+    """Return the thesis' numbers in the case of a mould, in the units of the tables."""
+    references = load_case(CASES / f"{mould}.toml").reference
+    return {reference.quantity: from_si(reference.si, reference.unit) for reference in references}
 
 
 SIGNS = {"value": "", "at_least": "> ", "at_most": "< "}
 
 
 def signs(mould: str) -> dict[str, str]:
-    """What stands before the numbers of `thesis`: nothing, or the sign of a bound."""
+    """Return the signs before the numbers of `thesis`: "", or that of a bound."""
     references = load_case(CASES / f"{mould}.toml").reference
     return {reference.quantity: SIGNS[reference.kind] for reference in references}
 
@@ -54,21 +51,21 @@ MORE = {
 }
 
 
-OF_THE_TEXT = {
+IN_THE_TEXT = {
     "first_solid": 60.0,
     "closed_solid": 85.0,
     "taper_mid_face": -0.53,
     "taper_corner": 0.57,
 }
-"""What V.2.1 says of the idealised mould beyond the exit, as MORE has it."""
+"""Numbers of the idealised mould in the text of V.2.1, in the units of MORE."""
 
 
 FACES = {"taper_1": "8 to 10", "taper_3": "10 to 12"}
-"""Stress along the faces, MPa, as V.2.2.3 gives it."""
+"""Range of the stress along the faces in V.2.2.3, MPa."""
 
 
 def at_the_exit(found: Found, ideal: Found | None) -> dict[str, Any]:
-    """What the tables of moulds show of a run; its heat also as a share of the ideal mould's."""
+    """Return the results of a run for the table; its heat also in % of the idealised mould's."""
     values: dict[str, Any] = dict(found.values)
     if ideal is not None:
         values["share"] = 100.0 * values["heat_removed"] / ideal.values["heat_removed"]
@@ -79,32 +76,32 @@ def at_the_exit(found: Found, ideal: Found | None) -> dict[str, Any]:
 
 
 def moulds(output: Output, changes: Sequence[str]) -> None:
-    """The six moulds at the shipped defaults, beside the thesis."""
-    found = {name: run(name, changes) for name in MOULDS}
-    ideal = found["idealised"]
-    rows = [{"mould": NAMES[n], **at_the_exit(one, ideal)} for n, one in found.items()]
+    """Run the six moulds and write their results."""
+    runs = {name: run(name, changes) for name in MOULDS}
+    ideal = runs["idealised"]
+    rows = [{"mould": NAMES[name], **at_the_exit(found, ideal)} for name, found in runs.items()]
     output.csv("billet_moulds", rows)
 
 
-def told(mould: str) -> dict[str, str]:
-    """What the thesis says of a mould, as the tables write it."""
-    before, found = signs(mould), thesis(mould)
+def thesis_cells(mould: str) -> dict[str, str]:
+    """Return the thesis' numbers of a mould as text for the table."""
+    before, numbers = signs(mould), thesis(mould)
     if mould == "idealised":
-        found |= OF_THE_TEXT
-    words = {}
-    for key, value in found.items():
-        said = format(value, ".4g" if key not in ("size_corner",) else ".2f")
+        numbers |= IN_THE_TEXT
+    cells = {}
+    for key, value in numbers.items():
+        text = format(value, ".4g" if key not in ("size_corner",) else ".2f")
         sign = before.get(key, "")
-        words[key] = "0" if sign == "< " and value == 0.0 else sign + said
-    if "von_mises_mid_face" in words:
-        words["von_mises_mid_face"] = FACES[mould]
-    return words
+        cells[key] = "0" if sign == "< " and value == 0.0 else sign + text
+    if "von_mises_mid_face" in cells:
+        cells["von_mises_mid_face"] = FACES[mould]
+    return cells
 
 
 def show(output: Output) -> None:
-    """The six moulds beside the thesis, from the data."""
+    """Write the table of the six moulds and the thesis from the data."""
     rows = output.rows("billet_moulds")
-    expected = {name: told(name) for name in MOULDS}
+    expected = {name: thesis_cells(name) for name in MOULDS}
     lines = []
     for key, (label, form) in {**SHOWN, **MORE}.items():
         cells: dict[str, Any] = {"what": label}
@@ -119,6 +116,6 @@ def show(output: Output) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """The six moulds."""
+    """Run the six moulds and write their table."""
     moulds(output, COARSE if quick else ())
     show(output)

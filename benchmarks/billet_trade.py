@@ -1,7 +1,7 @@
 """Error against run time of the coupled billet: cells, coupling windows, iterations, contact.
 
-Writes tables and a figure of docs/billet.md. All runs of a mould are compared with one finer one,
-that of `billet_error`.
+Writes tables and a figure of docs/billet.md. All runs of a mould are compared with the finer run
+of `billet_error`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MOULDS = ("taper_1", "taper_0")
 SIZES = (1.2, 0.8, 0.5)  # mm
 WINDOWS = (0.2, 0.1, 0.05)  # s
-ITERATIONS = 8  # allowed in the default
+ITERATIONS = 8  # limit of the default
 PATIENCE = 900.0  # s
 FACTOR = 10
 
@@ -32,12 +32,12 @@ COMPARED = {
     "von_mises_mid_face": ("stress, mid-face [MPa]", 0.1),
     "size_corner": ("diagonal [mm]", 0.01),
 }
-"""What is compared: its heading, and the error that counts as one in `worst`."""
+"""Compared quantities: heading, and the unit in which `worst` counts the error."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to run a mould: cells [mm], coupling window [s], iterations, way of contact."""
+    """Settings of a run: cells [mm], coupling window [s], iterations, method of contact."""
 
     size: float
     window: float
@@ -46,13 +46,13 @@ class Setting:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Of the case."""
-        allowed = f"coupling.passes={self.iterations}"
-        return (*mesh(self.size), every(self.window), allowed, touch(self.contact, FACTOR))
+        """Assignments to keys of the case."""
+        passes = f"coupling.passes={self.iterations}"
+        return (*mesh(self.size), every(self.window), passes, touch(self.contact, FACTOR))
 
     @property
     def kind(self) -> str:
-        """What a point of the figure is coloured by."""
+        """Kind of the run, which sets its colour in the figure."""
         return f"{self.contact}, {'1 iteration' if self.iterations == 1 else 'converged'}"
 
 
@@ -60,13 +60,13 @@ DEFAULT = Setting(0.8, 0.2)
 
 
 def reference(mould: str) -> dict[str, float]:
-    """What the finer run of `billet_error` has for a mould."""
+    """Return the results of the finer run of `billet_error` for a mould."""
     rows = {(r["mould"], r["run"]): r for r in Output(PAGE.parent).rows("billet_error")}
     return {name: rows[mould, "finer"][name] for name in COMPARED}
 
 
 def settings(quick: bool) -> Iterator[Setting]:
-    """All cells with all windows; Nitsche's method and one iteration with those shipped alone."""
+    """Yield all cells with all windows; Nitsche's method and one iteration near the default."""
     sizes = (2.0,) if quick else SIZES
     windows = (0.5,) if quick else WINDOWS
     for size in sizes:
@@ -79,22 +79,22 @@ def settings(quick: bool) -> Iterator[Setting]:
 
 
 def errors(values: Mapping[str, float], exact: Mapping[str, float]) -> dict[str, float]:
-    """Errors of what is compared, and `worst`, the largest of them over what each may be."""
+    """Return the errors of the compared quantities, and their largest in its unit as `worst`."""
     found = {name: abs(values[name] - exact[name]) for name in COMPARED}
     return found | {"worst": max(found[name] / unit for name, (_, unit) in COMPARED.items())}
 
 
 def measure(mould: str, quick: bool) -> list[dict[str, Any]]:
-    """All settings of a mould; a row each, with what is compared as it was found."""
+    """Run all settings of a mould; return a row of results for each."""
     rows = []
-    for one in settings(quick):
-        found = run(mould, one.keys, PATIENCE)
+    for setting in settings(quick):
+        found = run(mould, setting.keys, PATIENCE)
         rows.append(
             {
-                "kind": one.kind, "size": one.size, "window": one.window,
+                "kind": setting.kind, "size": setting.size, "window": setting.window,
                 "cells": found.cells, "newton": found.newton, "cut": found.cut,
                 "seconds": found.seconds, **{k: found.values[k] for k in COMPARED},
-                "default": one == DEFAULT, "failure": found.failure,
+                "default": setting == DEFAULT, "failure": found.failure,
             }
         )  # fmt: skip
     return sorted(rows, key=lambda r: r["seconds"])
@@ -109,16 +109,16 @@ MARKERS = {0.5: "v", 0.2: "v", 0.1: "o", 0.05: "^"}
 DRAWN = ("worst", "von_mises_max")
 
 
-def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
-    """Error against processor time; the default ringed, the runs that none beats joined."""
+def draw(runs: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
+    """Draw error against processor time; the default ringed, the runs that none beats joined."""
     labels = {"worst": "largest error, in units of the text", "von_mises_max": "peak stress [MPa]"}
     panels = []
-    for mould, given in found.items():
+    for mould, results in runs.items():
         rows = [
             {key: row[key] for key in (*DRAWN, "seconds", "default")}
             | {"colour": COLOURS[row["kind"]], "marker": MARKERS[row["window"]]}
             | {"size": 3.0 + 2.5 / row["size"]}
-            for row in given
+            for row in results
         ]
         panels.append([(mould, rows, key, labels[key]) for key in DRAWN])
     legend = [(kind, "s", colour) for kind, colour in COLOURS.items()]
@@ -127,13 +127,13 @@ def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     for mould in MOULDS:
         show_mould(output, mould, output.rows(f"billet_trade_{mould}"))
 
 
 def show_mould(output: Output, mould: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Write the table of one mould, of rows with errors."""
+    """Write the table of one mould from rows with errors."""
     lines = [r | {"kind": f"**{r['kind']}**"} if r["default"] else r for r in rows]
     head: dict[str, Any] = {
         "kind": "contact, gap", "size": "cells [mm]", "window": "window [s]",
@@ -144,7 +144,7 @@ def show_mould(output: Output, mould: str, rows: Sequence[dict[str, Any]]) -> No
 
 
 def main(output: Output, quick: bool) -> None:
-    """Both moulds."""
+    """Run both moulds; write data, tables and figure."""
     found = {mould: measure(mould, quick) for mould in MOULDS}
     drawn = {}
     for mould, rows in found.items():

@@ -1,6 +1,6 @@
-"""The way through a whole caster, 20 m: what the size of the cells in the core is worth.
+"""The billet through 20 m of a caster: effect of the size of the cells in the core.
 
-In the mould the core is still liquid and its cells hardly matter; they decide where it closes.
+In the mould the core is liquid and its cells hardly matter, but where it closes depends on them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CORES = (8.0, 4.0, 2.0)  # mm
 
 
 def advance(settings: Settings) -> dict[str, Any]:
-    """Follow the billet down the caster; results at `PLACES` and where the core closes."""
+    """Run the billet down the caster; return results at `PLACES` and where the core closes."""
     document = load_case(CASE).document()
     document["casting"]["length"] = f"{LENGTH:g} m"
     mesh = {n: getattr(settings, n) for n in LENGTHS}
@@ -36,7 +36,7 @@ def advance(settings: Settings) -> dict[str, Any]:
     document["thermal"]["time"] = time_table(settings)
     document["thermal"]["solver"] = settings.solver
     document["output"] = {"fields": []}
-    # A place with a reference number is hit exactly and keeps its results.
+    # The run stops exactly at the position of a reference number and keeps the results there.
     number = {"quantity": "surface_temperature_mid_face", "value": "0 degC", "source": "-"}
     document["reference"] = [number | {"at": f"{place:g} m"} for place in PLACES]
     simulation = build(from_document(document, "caster"), MPI.COMM_SELF)
@@ -46,7 +46,7 @@ def advance(settings: Settings) -> dict[str, Any]:
         run.run()
         wall = perf_counter() - start
         closed = run.run_state.sampler.metallurgical_length
-        there = [run.run_state.snapshots[p] for p in PLACES]
+        samples = [run.run_state.snapshots[p] for p in PLACES]
         vertices = simulation.section.owned
     finally:
         simulation.destroy()
@@ -55,16 +55,18 @@ def advance(settings: Settings) -> dict[str, Any]:
         "steps": run.run_state.counts.steps,
         "closed_m": closed if closed is not None else float("nan"),
         **{
-            name: np.array([s[f"{name}"].value for s in there])
+            name: np.array([s[f"{name}"].value for s in samples])
             for name in ("surface_temperature_mid_face", "surface_temperature_corner")
         },
-        "shell": np.array([s["shell_mid_face"].value for s in there if s["position"].value < 7.0]),
+        "shell": np.array(
+            [s["shell_mid_face"].value for s in samples if s["position"].value < 7.0]
+        ),
         "seconds": wall,
     }
 
 
 def main(output: Output, quick: bool = False) -> None:
-    """Compare core sizes with a fine mesh; table and CSV."""
+    """Compare core sizes with a fine mesh; write table and CSV."""
     base = default_settings()
     core = 2.0 if quick else 1.0
     finest = {"face_size": core, "core_size": core, "step": None, "tolerance": 1.0}
@@ -103,7 +105,7 @@ def main(output: Output, quick: bool = False) -> None:
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """Write the table from the data."""
     head = {
         "core_size_mm": "core and face size [mm]", "vertices": "vertices", "steps": "steps",
         "closed_m": ("core closes at [m]", ".3f"), "closed_error_mm": ("error [mm]", "+.0f"),

@@ -1,8 +1,7 @@
-"""Error of a whole caster against what it takes: spacing of slices, cells, steps in time.
+"""Error of a whole caster against processor time: spacing of slices, cells, steps in time.
 
-A slab with mean coefficients of cooling slows down. Where its pool ends, at all instants, and what
-a pyrometer sees of all slices that pass it, are compared with the finest of each kind. Times are
-those of the processor.
+A slab with mean coefficients of cooling slows down. The end of its liquid pool over time and the
+surface temperature at a pyrometer are compared with the finest run of each kind.
 
     python -m benchmarks caster_error
 """
@@ -29,23 +28,23 @@ from castfem.studies.accuracy.sizes import MESH, STEP, changes
 
 CASE = "slab1200/thermal"
 COARSE = {"slices": 4.0, "cells": 1.5, "steps": 2.0}
-"""Spacing, m, and sizes over those of the case, where one of them is not varied."""
+"""Spacing, m, and cells and steps relative to the case, where they are not varied."""
 KINDS: dict[str, tuple[float, ...]] = {
     "slices": (4.0, 2.0, 1.0, 0.5),
     "cells": (1.5, 1.0, 0.625, 0.4),
     "steps": (4.0, 2.0, 1.0, 0.5, 0.125),
 }
-"""What is varied, from coarse to fine; the last is the reference."""
+"""Varied sizes from coarse to fine; the last is the reference."""
 SPEEDS = {
     "time": ["0 s", "10 min", "10.5 min", "60 min"],
     "speed": [f"{speed} m/min" for speed in (1.2, 1.2, 0.9, 0.9)],
 }
 END, PLACE, FACE = "30 min", "10 m", "mid_face_intrados"
-"""Of what is followed; where the pyrometer stands, and what it sees."""
+"""End of the run, position of the pyrometer and the probe that it measures."""
 
 
 def case_of(sizes: Mapping[str, float], quick: bool) -> Case:
-    """The caster with slices so far apart, m, and with cells and steps of such sizes."""
+    """Return the caster with a spacing of slices, m, and relative sizes of cells and steps."""
     case = load_case(shipped_cases.find(CASE))
     finer = changes(case, {MESH: sizes["cells"], STEP: sizes["steps"]})
     table = {
@@ -61,35 +60,35 @@ def case_of(sizes: Mapping[str, float], quick: bool) -> Case:
 
 
 def followed(case: Case) -> dict[str, Any]:
-    """Processor time, and the end of the pool and the pyrometer over the clock."""
+    """Run the caster; return processor time, and end of the pool and pyrometer over time."""
     with tempfile.TemporaryDirectory() as home:
         begun = time.process_time()
         run_caster(case, Path(home, "out"), comm=MPI.COMM_SELF)
         spent = time.process_time() - begun
         strand, _, _ = read_table(Path(home, "out", "caster.csv"))
-        seen, _, _ = read_table(Path(home, "out", "pyrometers.csv"))
-    surface = next(values for name, values in seen.items() if name.startswith("surface"))
-    order = np.argsort(seen["time"])
+        readings, _, _ = read_table(Path(home, "out", "pyrometers.csv"))
+    surface = next(values for name, values in readings.items() if name.startswith("surface"))
+    order = np.argsort(readings["time"])
     return {
         "processor [s]": spent,
         "pool": (strand["time"], strand["metallurgical_length"]),
-        "pyrometer": (seen["time"][order], surface[order]),
+        "pyrometer": (readings["time"][order], surface[order]),
     }
 
 
 def apart(fine: tuple[Array, Array], coarse: tuple[Array, Array]) -> float:
-    """Largest difference of two curves at the times of the fine one that both have."""
+    """Return the largest difference of two curves at the times of the fine one that both have."""
     x, y = coarse
-    known = np.isfinite(y)
-    if not known.any():
+    finite = np.isfinite(y)
+    if not finite.any():
         return np.nan
-    within = np.isfinite(fine[1]) & (fine[0] >= x[known].min()) & (fine[0] <= x[known].max())
-    differences = np.abs(fine[1] - np.interp(fine[0], x[known], y[known]))[within]
+    within = np.isfinite(fine[1]) & (fine[0] >= x[finite].min()) & (fine[0] <= x[finite].max())
+    differences = np.abs(fine[1] - np.interp(fine[0], x[finite], y[finite]))[within]
     return float(differences.max()) if differences.size else np.nan
 
 
 def show(output: Output) -> None:
-    """Make the table anew."""
+    """Write the table from the data."""
     columns: dict[str, Any] = {
         "varied": "varied", "size": ("spacing [m], or size over the case's", ".3g"),
         "processor [s]": ("processor, s", ".0f"), "pool [m]": ("end of the pool, m", ".3f"),
@@ -100,15 +99,15 @@ def show(output: Output) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Measure, and write data and table."""
+    """Run all casters; write data and table."""
     rows = []
     for kind, sizes in KINDS.items():
         sizes = sizes[:2] if quick else sizes
-        found = [followed(case_of({**COARSE, kind: size}, quick)) for size in sizes]
-        for size, one in zip(sizes[:-1], found, strict=False):
-            row = {"varied": kind, "size": size, "processor [s]": one["processor [s]"]}
-            row["pool [m]"] = apart(found[-1]["pool"], one["pool"])
-            row["pyrometer [K]"] = apart(found[-1]["pyrometer"], one["pyrometer"])
+        runs = [followed(case_of({**COARSE, kind: size}, quick)) for size in sizes]
+        for size, run in zip(sizes[:-1], runs, strict=False):
+            row = {"varied": kind, "size": size, "processor [s]": run["processor [s]"]}
+            row["pool [m]"] = apart(runs[-1]["pool"], run["pool"])
+            row["pyrometer [K]"] = apart(runs[-1]["pyrometer"], run["pyrometer"])
             rows.append(row)
             print(f"  {row}", flush=True)
         output.csv("caster_error", rows)

@@ -1,8 +1,8 @@
-"""How long a caster that follows its plant takes for a row that comes 10 s after the one before.
+"""Run time of a caster that follows its plant, for each row of a file with a row every 10 s.
 
 A slab with mean coefficients of cooling and one from roll to roll, `--accuracy coarse`, change
-their speed at each row. Times are of one core: by the clock, and of the processor, in which other
-work on the machine counts little.
+their speed at each row. Wall time and processor time are those of one core; other work on the
+machine has little effect on the second.
 
     python -m benchmarks caster_follow
 """
@@ -26,13 +26,13 @@ from castfem.runs.caster.run import run_caster
 from castfem.studies.accuracy.sizes import assignments
 
 CASES = {"mean coefficients": "slab1200/thermal", "roll to roll": "slab1200/sprays"}
-"""The cases by how they are cooled."""
+"""Cases by their cooling."""
 SLICES, ROWS, APART = 100, 12, 10.0
-"""Slices inside, rows that are followed, and s between two of them."""
+"""Number of slices in the strand, number of rows, and time between two rows, s."""
 
 
 class Fed(PlantFile):
-    """A file that gets its next row as soon as the one before has been worked through."""
+    """A plant file that gets its next row as soon as the previous one has been processed."""
 
     def __init__(self, path: Path, rows: int) -> None:
         super().__init__(path)
@@ -40,7 +40,7 @@ class Fed(PlantFile):
         path.write_text("time [s], speed [m/min]\n")
 
     def take(self) -> int:
-        """Note how long the row before took, and add one."""
+        """Record the time at the end of the previous row and add the next row."""
         self.spent.append((time.perf_counter(), time.process_time()))
         if self._left:
             self._left -= 1
@@ -51,7 +51,7 @@ class Fed(PlantFile):
 
 
 def case_of(name: str, slices: int, rows: int, quick: bool) -> Case:
-    """A case as a caster of so many slices at once, to the last row."""
+    """Return a case as a caster with a number of slices in its strand, to the last row."""
     path = shipped_cases.find(name)
     case = load_case(path, [*assignments(load_case(path), "coarse")])
     length = 1.0 if quick else case.casting.length
@@ -64,7 +64,7 @@ def case_of(name: str, slices: int, rows: int, quick: bool) -> Case:
 
 
 def measured(cooling: str, slices: int, rows: int, quick: bool) -> dict[str, Any]:
-    """Follow some rows; what each has taken, the first two left out, which begin the strand."""
+    """Follow some rows; return the times of each, without the first ones, which fill the strand."""
     case = case_of(CASES[cooling], slices, rows, quick)
     with tempfile.TemporaryDirectory() as home:
         source = Fed(Path(home, "plant.csv"), rows)
@@ -82,7 +82,7 @@ def measured(cooling: str, slices: int, rows: int, quick: bool) -> dict[str, Any
 
 
 def show(output: Output) -> None:
-    """Make the table anew."""
+    """Write the table from the data."""
     columns = {
         "cooling": "cooling", "slices": "slices", "rows": "rows",
         "clock [s]": ("a row, s by the clock", ".2g"),
@@ -94,7 +94,7 @@ def show(output: Output) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Measure, and write data and table."""
+    """Follow both casters; write data and table."""
     slices, rows = (3, 6) if quick else (SLICES, ROWS)
     output.csv("caster_follow", [measured(c, slices, rows, quick) for c in CASES])
     show(output)

@@ -1,8 +1,8 @@
-"""What a caster with mechanics takes: slices in a mould, bent and bulging between rolls.
+"""Run time of a caster with mechanics: slices in a mould, bending and bulging between rolls.
 
-The slab from the meniscus through its mould and its first rolls, `--accuracy coarse`, while it is
-slowed down. Processor time is of one core: until the first instant, at which all slices have been
-brought to where they are from the meniscus, and afterwards, for each second of the caster's clock.
+The slab is followed from the meniscus through its mould and its first rolls, `--accuracy coarse`,
+while it slows down. Processor time of one core is measured until the first instant, at which all
+slices have moved from the meniscus to their positions, and afterwards.
 
     python -m benchmarks caster_mechanics
 """
@@ -29,11 +29,11 @@ from castfem.studies.accuracy.sizes import assignments
 
 CASE = "slab1200/from_meniscus"
 LENGTH, SLICES, UNTIL = 3.0, 40, 40.0
-"""m of strand, slices inside, s that are followed."""
+"""Length of the strand, m, number of slices in it, and time that is followed, s."""
 
 
 def case_of(length: float, slices: int, until: float) -> Case:
-    """The slab as a caster of so many slices at once, slowed down by a sixth as it is followed."""
+    """Return the slab as a caster of `slices` slices, slowed down by a sixth within `until` s."""
     path = shipped_cases.find(CASE)
     case = load_case(path, assignments(load_case(path), "coarse"))
     plant = {
@@ -45,20 +45,20 @@ def case_of(length: float, slices: int, until: float) -> Case:
 
 
 class Split(Progress):
-    """Notes the processor time at which the first instant has been left behind."""
+    """Records the processor time at the end of the first instant."""
 
     def __init__(self) -> None:
         super().__init__(-1)
         self.first = np.nan
 
     def update(self, done: float, clock: float, *rest: Any, **more: Any) -> None:  # type: ignore[override]
-        """Take in a slice that has come to an instant."""
+        """Record the time when a slice reaches the first instant."""
         if clock <= 0.0:
             self.first = time.process_time()
 
 
 def measured(case: Case) -> dict[str, Any]:
-    """Run the caster in this process."""
+    """Run the caster in this process; return the row of the table."""
     assert case.caster is not None
     with tempfile.TemporaryDirectory() as home:
         split, begun = Split(), time.process_time()
@@ -78,7 +78,7 @@ def measured(case: Case) -> dict[str, Any]:
 
 
 def show(output: Output) -> None:
-    """Make the table anew."""
+    """Write the table from the data."""
     columns: dict[str, Any] = {
         "slices": "slices", "length [m]": ("strand, m", ".3g"),
         "first instant [s]": ("processor to the first instant, s", ".0f"),
@@ -91,7 +91,7 @@ def show(output: Output) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Measure, and write data and table."""
+    """Run the caster; write data and table."""
     case = case_of(0.1, 2, 2.0) if quick else case_of(LENGTH, SLICES, UNTIL)
     output.csv("caster_mechanics", [measured(case)])
     show(output)

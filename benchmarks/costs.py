@@ -1,4 +1,4 @@
-"""Where the time and the memory of a thermal run go."""
+"""Run time and memory of a thermal run by part of the program, mesh and number of ranks."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FACTORS = (2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.25, 0.13)
-"""On all sizes of the shipped mesh: from a draft to a reference, and far beyond."""
+"""Factors on all sizes of the shipped mesh: from a draft to far below a reference."""
 USED = 0.5
-"""The least that is used; below, time is measured with the shipped step alone."""
+"""The smallest factor in use; below it, only the shipped step is measured."""
 
 SECTIONS = {
     "petsc": "PETSc: solver, factorisations, products",
@@ -36,21 +36,21 @@ SECTIONS = {
 
 
 def shares(result: Result) -> dict[str, float]:
-    """Share of each section in the time loop without output."""
-    whole = sum(result.sections.get(n, 0.0) for n in TIME_LOOP)
-    return {n: result.sections.get(n, 0.0) / whole for n in TIME_LOOP if n in result.sections}
+    """Return the share of each section in the time loop without output."""
+    total = sum(result.sections.get(n, 0.0) for n in TIME_LOOP)
+    return {n: result.sections.get(n, 0.0) / total for n in TIME_LOOP if n in result.sections}
 
 
 SHIPPED = "as shipped"
 
 
 def libraries(result: Result) -> float:
-    """Share of the time loop inside PETSc and DOLFINx."""
+    """Return the share of the time loop inside PETSc and DOLFINx."""
     return sum(s for n, s in shares(result).items() if n in LIBRARIES)
 
 
 def scaling(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
-    """Run time against the number of cells, with the shipped step and with adaptive ones."""
+    """Measure run time against the number of cells, with shipped, fixed and adaptive steps."""
     rows = []
     shipped = default_settings()
     for factor in factors:
@@ -78,12 +78,12 @@ def scaling(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
 
 
 def exponent(rows: list[dict[str, Any]], stepping: str) -> float:
-    """Power of the number of cells that the run time follows."""
+    """Return the power of the number of cells with which the run time grows."""
     return power([r for r in rows if r["stepping"] == stepping], "seconds")
 
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
-    """Run time against the number of cells, beside the slopes 1 and 1.2."""
+    """Draw run time over the number of cells, with the slopes 1 and 1.2."""
     from castfem.post.plots.style import look, new_figure
 
     with look():
@@ -109,7 +109,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
 
 
 def processes(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
-    """Memory, and one rank against two, each in a process of its own."""
+    """Measure memory and run time on one rank and on two, each in a process of its own."""
     rows = []
     for factor in factors:
         settings = replace(refined(default_settings(), factor), tolerance=None, step=0.1)
@@ -130,23 +130,22 @@ def processes(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
 
 
 def start_up(repeats: int) -> dict[str, float]:
-    """A run of the shipped case by the command line: what is spent outside the time loop, s.
+    """Run the shipped case by the command line; return times by part, s.
 
-    The first run of a new user compiles forms and meshes the section (caches of its own), the
-    following ones find both in the caches.
+    The first run of a new user compiles forms and meshes the section; further runs read both from
+    the caches.
     """
-    found = {}
     with tempfile.TemporaryDirectory() as folder:
         caches = {"XDG_CACHE_HOME": f"{folder}/cache"}
-        found["first"] = _command_line(Path(folder, "first"), caches)
-        again = [_command_line(Path(folder, f"run{i}"), caches) for i in range(repeats)]
-    best = min(again, key=lambda times: times["before_loop"])
-    best["processor"] = min(times["processor"] for times in again)
-    return {f"first_{k}": v for k, v in found["first"].items()} | best
+        first = _command_line(Path(folder, "first"), caches)
+        further = [_command_line(Path(folder, f"run{i}"), caches) for i in range(repeats)]
+    best = min(further, key=lambda times: times["before_loop"])
+    best["processor"] = min(times["processor"] for times in further)
+    return {f"first_{k}": v for k, v in first.items()} | best
 
 
 def _command_line(folder: Path, environment: dict[str, str]) -> dict[str, float]:
-    """One `castfem run`: seconds until the time loop begins, and the rest."""
+    """Measure one `castfem run`; return its times by part, s."""
     spent = castfem("run", "billet125/thermal", "-o", str(folder), environment=environment)
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     wall = summary["wall_time"]
@@ -167,7 +166,7 @@ def _command_line(folder: Path, environment: dict[str, str]) -> dict[str, float]
 
 
 def main(output: Output, quick: bool = False) -> None:
-    """Measure everything; tables, CSV and figure."""
+    """Measure everything; write tables, CSV and figure."""
     shipped = run(default_settings(), repeats=2 if quick else 9, patience=5.0)
     parts = [
         {"section": SECTIONS[n], "seconds": shipped.sections[n], "percent": 100 * share}
@@ -191,7 +190,7 @@ def main(output: Output, quick: bool = False) -> None:
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     head: Columns = {
         "section": "part of the time loop", "seconds": ("time [s]", ".3f"),
         "percent": ("share [%]", ".0f"),

@@ -1,4 +1,4 @@
-"""A run of a benchmark, done unless it lies finished in its folder."""
+"""Run of a benchmark that is not repeated if its folder has a finished one."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ CLOCK = "processor_time.txt"
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A run that has ended."""
+    """Results of a run that has ended."""
 
     summary: Summary  #: its summary
     history: pd.DataFrame  #: a row for each step
-    seconds: float  #: processor time, s, of what was run of it last; NaN if that is not known
-    failure: str  #: why it did not come to its end; "" where it did
+    seconds: float  #: processor time since its last start, s; NaN if not known
+    failure: str  #: message of a run that failed, otherwise ""
 
 
 def finished_run(case: Case, folder: Path) -> Finished:
-    """Run a case into a folder, unless it is finished there.
+    """Run a case into a folder, unless the folder has a finished run of it.
 
-    A run that was cut short there goes on from its checkpoint.
+    An interrupted run continues from its checkpoint.
 
     Raises:
-        InputError: The folder holds a run of another case.
-        RunFailure: It failed before there was anything to sum up.
+        InputError: The folder has a run of another case.
+        RunFailure: The run failed before its first summary.
     """
     existing_run.check(folder, case, resume=True, overwrite=False)
     summary, failure = Summary.load(folder), ""

@@ -1,10 +1,10 @@
-"""From an analysis to a grade: how sure are freezing range, shell and taper.
+"""From an analysis to a grade: uncertainty of freezing range, shell and taper.
 
-Writes tables of docs/my_steel.md: the built-in diagram beside assessed databases, for 24 steels;
-and what data that are from memory of their source do to billets and a slab. Of the environment
-`DATABASE` names the file of [PovodenKaradeniz2016], `DATABASE_MF` that of [Frichtl2024], neither of
-which is part of castfem; without them what they say stays as it is in docs/data.
-`tools/env.sh calphad` brings pycalphad.
+Writes tables of docs/my_steel.md: the built-in diagram against assessed databases for 24 steels,
+and the effect on billets and a slab of data that are from memory of their source. The environment
+variable `DATABASE` names the file of [PovodenKaradeniz2016], `DATABASE_MF` that of [Frichtl2024],
+neither of which is part of castfem; without them their values in docs/data are kept.
+`tools/env.sh calphad` installs pycalphad.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from castfem.studies.optimisation.fidelity import at_level, idealised
 CARBON = (0.04, 0.08, 0.10, 0.12, 0.15, 0.18, 0.25, 0.45)
 OTHERS = ((0.0, 0.0), (0.6, 0.2), (1.4, 0.3))
 """Manganese and silicon, wt%."""
-HOTTEST, COLDEST = 1830.0, 1600.0  # K, between which they freeze and turn to austenite
+HOTTEST, COLDEST = 1830.0, 1600.0  # K, between which the steels freeze and become austenite
 LIQUID, DELTA, GAMMA = 0, 1, 2
-"""Places of the phases in `equilibria.State.mass`."""
+"""Indices of the phases in `equilibria.State.mass`."""
 LIMITS = {"liquidus": "liquidus", "solidus": "solidus", "gamma": "γ from", "delta_end": "δ to"}
-"""What is compared: where steel begins and ends to freeze, and to turn to austenite."""
+"""Compared temperatures: begin and end of freezing, and of the change to austenite."""
 FILES = {"mc_fe": "DATABASE", "MF Steel": "DATABASE_MF"}
-"""Variables of the environment with the files of the databases."""
+"""Environment variables with the files of the databases."""
 COLUMNS = ("shell", "taper", "pool")
 QUIET = ("output.figures=false", "output.fields=[]")
 FREE: dict[str, Any] = {
@@ -48,19 +48,19 @@ FREE: dict[str, Any] = {
     "mechanics.mush": "skeleton",
     "steel.composition": {"C": 0.12},
 }
-"""A strand that nothing holds or presses."""
-TRACE = 1e-6  # of a phase that counts as none
-SHARE = 10.0  # per cent by which data are changed
+"""A strand without supports or pressure."""
+TRACE = 1e-6  # mass fraction below which a phase counts as absent
+SHARE = 10.0  # change of the data, per cent
 
 
 def limits(file: Path, composition: Mapping[str, float]) -> tuple[list[float], float]:
-    """Liquidus, solidus, begin of austenite and end of delta by a database, K; solid between.
+    """Return the `LIMITS` by a database, K, and a solid fraction.
 
     The solid fraction is that in the middle between solidus and liquidus.
     """
-    found = {element: share for element, share in composition.items() if share > 0.0}
-    data = Equilibria(file, ["Fe", *found], ["LIQUID", "BCC_A2", "FCC_A1"])
-    moles = data.moles(found)
+    present = {element: share for element, share in composition.items() if share > 0.0}
+    data = Equilibria(file, ["Fe", *present], ["LIQUID", "BCC_A2", "FCC_A1"])
+    moles = data.moles(present)
 
     def mass(temperature: float, phase: int) -> float:
         return float(data.state(temperature, moles).mass[phase])
@@ -80,18 +80,18 @@ def limits(file: Path, composition: Mapping[str, float]) -> tuple[list[float], f
 
 
 def diagram(files: Mapping[str, Path]) -> list[dict[str, Any]]:
-    """The built-in diagram and regressions beside the databases."""
+    """Return the rows of `diagram_of`; each database is read once."""
     if files:
         import pycalphad
 
-        with patch.object(pycalphad, "Database", cache(pycalphad.Database)):  # read once
+        with patch.object(pycalphad, "Database", cache(pycalphad.Database)):
             return diagram_of(files)
     return diagram_of(files)
 
 
 def diagram_of(files: Mapping[str, Path]) -> list[dict[str, Any]]:
-    """By the databases in `files`, others as they are in docs/data, beside the diagram."""
-    kept = {(r["C"], r["Mn"], r["database"]): r for r in Output().rows("grades_diagram")}
+    """Compare the built-in diagram with the databases in `files` and in docs/data."""
+    stored = {(r["C"], r["Mn"], r["database"]): r for r in Output().rows("grades_diagram")}
     rows = []
     for name in FILES:
         for manganese, silicon in OTHERS:
@@ -99,9 +99,9 @@ def diagram_of(files: Mapping[str, Path]) -> list[dict[str, Any]]:
                 composition = {"C": carbon, "Mn": manganese, "Si": silicon}
                 if name in files:
                     found, middle = limits(files[name], composition)
-                elif before := kept.get((carbon, manganese, name)):
-                    found = [before[f"{key}_database"] + ZERO_CELSIUS for key in LIMITS]
-                    middle = before["solid_database"]
+                elif row := stored.get((carbon, manganese, name)):
+                    found = [row[f"{key}_database"] + ZERO_CELSIUS for key in LIMITS]
+                    middle = row["solid_database"]
                 else:
                     continue
                 rows.append(compared(name, composition, found, middle))
@@ -111,7 +111,7 @@ def diagram_of(files: Mapping[str, Path]) -> list[dict[str, Any]]:
 def compared(
     name: str, composition: Mapping[str, float], found: Sequence[float], middle: float
 ) -> dict[str, Any]:
-    """A row: `limits` by a database, and by the diagram."""
+    """Return a row with the limits by a database and by the diagram."""
     steel = alloyed(composition)
     gamma = steel.liquidus if steel.gamma_start is None else steel.gamma_start
     end = gamma if steel.gamma_end is None else steel.gamma_end
@@ -126,12 +126,12 @@ def compared(
 
 
 def hirai_liquidus(carbon: float, manganese: float, silicon: float) -> float:
-    """Liquidus of steel by the formula of [Hirai1997], degC, of shares in wt%."""
+    """Return the liquidus by the formula of [Hirai1997], degC, from shares in wt%."""
     return 1538.0 - 55.0 * carbon - 80.0 * carbon**2 - 13.0 * silicon - 4.8 * manganese
 
 
 def hirai_solidus(carbon: float, manganese: float, silicon: float) -> float:
-    """Solidus by the same: of delta ferrite, of the peritectic, of austenite, degC."""
+    """Return the solidus by [Hirai1997], degC: of delta ferrite, peritectic or austenite."""
     drop = 20.5 * silicon + 6.5 * manganese
     if carbon <= 0.09:
         return 1538.0 - 478.0 * carbon - drop
@@ -139,7 +139,7 @@ def hirai_solidus(carbon: float, manganese: float, silicon: float) -> float:
 
 
 def published(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The built-in diagram beside published formulas: the steels of the first database."""
+    """Compare the built-in diagram with published formulas for the steels of one database."""
     found = []
     for row in rows:
         if row["database"] == next(iter(FILES)):
@@ -153,7 +153,7 @@ def published(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def largest(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Largest differences of the diagram from the databases, by what else is in the steel."""
+    """Return the largest differences of the diagram by database and manganese content."""
     found = []
     for name, manganese in dict.fromkeys((row["database"], row["Mn"]) for row in rows):
         mine = [r for r in rows if (r["database"], r["Mn"]) == (name, manganese)]
@@ -166,13 +166,13 @@ def largest(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def billet(quick: bool) -> Case:
-    """The billet of the thesis in its idealised mould."""
+    """Return the billet of the thesis in its idealised mould."""
     length = ("casting.length=30 mm",) if quick else ()
     return at_level(load_case(find("billet125/idealised"), [*QUIET, *length]), "coarse")
 
 
 def peritectic(quick: bool) -> Case:
-    """The billet of computed properties, which shrinks freely in its idealised mould."""
+    """Return the billet with computed properties, free to shrink in its idealised mould."""
     length = ("casting.length=30 mm",) if quick else ()
     changes = (*QUIET, "steel.diagram=assessed", *length)
     return at_level(
@@ -181,13 +181,13 @@ def peritectic(quick: bool) -> Case:
 
 
 def slab(quick: bool) -> Case:
-    """The slab's temperatures."""
+    """Return the thermal case of the slab."""
     length = ("casting.length=1 m",) if quick else ()
     return at_level(load_case(find("slab1200/thermal"), [*QUIET, *length]), "coarse")
 
 
 SHRINKS = {"shell_mid_face": "shell", "displacement_corner": "taper"}
-"""Results of a billet; what its corner moves is what a taper has to follow."""
+"""Results of a billet by column; a taper has to follow the displacement of the corner."""
 CASES: dict[str, tuple[Callable[[bool], Case], Mapping[str, str], tuple[str, ...]]] = {
     "billet125/idealised": (billet, SHRINKS, (
         "steel.conductivity", "steel.density", "steel.specific_heat", "steel.latent_heat",
@@ -201,24 +201,24 @@ CASES: dict[str, tuple[Callable[[bool], Case], Mapping[str, str], tuple[str, ...
         "steel.conductivity", "steel.density", "steel.emissivity",
     )),
 }  # fmt: skip
-"""How a shipped case is made, its results by column, and its data."""
+"""Function that makes a shipped case, its results by column, and its varied data."""
 
 
 def data(quick: bool) -> list[dict[str, Any]]:
-    """What `SHARE` more of each datum does to shell, taper and pool, per cent of them."""
+    """Return the changes of shell, taper and pool by `SHARE` more of each datum, per cent."""
     rows = []
     for name, (make, of, parameters) in list(CASES.items())[: 1 if quick else None]:
         found = castfem.sensitivities(make(quick), to=list(parameters), of=list(of))
-        told = {(row.name, row.parameter.name): row for row in found.rows()}
+        slopes = {(row.name, row.parameter.name): row for row in found.rows()}
         for parameter in parameters:
             row: dict[str, Any] = {"case": name, "datum": parameter, **dict.fromkeys(COLUMNS)}
-            row |= {key: SHARE * told[result, parameter].elasticity for result, key in of.items()}
+            row |= {key: SHARE * slopes[result, parameter].elasticity for result, key in of.items()}
             rows.append(row)
     return rows + ([] if quick else by_runs())
 
 
 def by_runs() -> list[dict[str, Any]]:
-    """The same of what is no parameter, by runs: flow stress of `kozlowski_zhu`, and coherency."""
+    """Return the changes by flow stress of `kozlowski_zhu` and coherency, from repeated runs."""
     case, columns, more = peritectic(False), UnifiedSteel.own_columns, 1.0 + SHARE / 100.0
     later = case.with_({"mechanics.coherency": 0.75 * more})
 
@@ -241,7 +241,7 @@ def by_runs() -> list[dict[str, Any]]:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Compare the diagram with databases, and change data from memory."""
+    """Compare the diagram with databases and vary data that are from memory."""
     files = {name: Path(os.environ[key]) for name, key in FILES.items() if key in os.environ}
     output.csv("grades_diagram", diagram({} if quick else files))
     output.csv("grades_largest", largest(output.rows("grades_diagram")))
@@ -251,7 +251,7 @@ def main(output: Output, quick: bool) -> None:
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     page = Output(output.folder, "my_steel.md")
     rows = output.rows("grades_diagram")
     head: dict[str, Any] = {"database": "beside", "C": ("C", ".2f"), "Mn": ("Mn", ".1f")}

@@ -1,9 +1,10 @@
-"""Hot tearing: what grades bear, what cells make of it, and what two billets and a slab come to.
+"""Hot tearing: critical strain of grades, error of coarse cells, and results of billets and a slab.
 
-Writes the tables and figures of docs/hot_tearing.md.  The strip is the alloy of the similarity
-solution, in which each place x deep takes x^2 times the same to come to a solid fraction.  Of the
-environment `DATABASE` names the file of [PovodenKaradeniz2016], beside which the microsegregation
-is held; without it those rows stay as they are.  `tools/env.sh calphad` brings pycalphad.
+Writes the tables and figures of docs/hot_tearing.md. The strip is the alloy of the similarity
+solution, in which the time to a solid fraction at a depth x is proportional to x^2. The
+environment variable `DATABASE` names the file of [PovodenKaradeniz2016], with which the
+microsegregation is compared; without it those rows are kept. `tools/env.sh calphad` installs
+pycalphad.
 """
 
 from __future__ import annotations
@@ -44,18 +45,18 @@ from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation.fidelity import at_level
 
 CARBON = (0.05, 0.1, 0.12, 0.15, 0.17, 0.25, 0.42)
-"""Of the steels whose brittle range is told, wt%."""
+"""Carbon of the steels in the table of brittle ranges, wt%."""
 PLANT = {"Mn": 0.8, "Si": 0.2, "P": 0.015, "S": 0.01}
-"""What else they contain, wt%."""
-BESIDE = (0.15, 0.25, 0.42)
-"""Carbon of those that are computed by Scheil, too, with manganese and silicon alone."""
-END = 0.005  # of the liquid, where Scheil ends
+"""Their other elements, wt%."""
+SCHEIL_CARBON = (0.15, 0.25, 0.42)
+"""Carbon of the steels that are also computed by Scheil, with only manganese and silicon, wt%."""
+END = 0.005  # liquid fraction at which Scheil ends
 RATES = (1e-4, 1e-3, 1e-2)  # 1/s
 SIZES = (1.0, 0.5, 0.25)
-"""Of the cells of the strip, mm."""
-BETWEEN = (9.9e-3, 14.1e-3)  # m: depths at which the strip is read
+"""Sizes of the cells of the strip, mm."""
+BETWEEN = (9.9e-3, 14.1e-3)  # range of depths over which the strip is averaged, m
 PERITECTIC = {"C": 0.15, **PLANT}
-SHALLOW = (5.9e-3, 8.1e-3)  # m: depths at which that of a peritectic steel is read
+SHALLOW = (5.9e-3, 8.1e-3)  # range of depths of the strip of a peritectic steel, m
 WINDOWS = (
     ("billet125/taper_1", "640 mm", "100 ms", "0.2 s"),
     ("billet125/taper_1", "640 mm", "50 ms", "0.1 s"),
@@ -63,7 +64,7 @@ WINDOWS = (
     ("slab1200/slab", "17.2 m", "50 mm", "100 mm"),
     ("slab1200/slab", "17.2 m", "25 mm", "50 mm"),
 )
-"""Case, its length, window of the case, and that of coarse cells, twice as long."""
+"""Case, its length, its coupling window, and the window at the coarse level, twice as long."""
 EXACT = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1273.15, 1723.15, 1773.15, 1813.15)
 SEGREGATED = "billet180/peritectic, segregated"
 CASES = {
@@ -74,12 +75,12 @@ CASES = {
     ),
     "slab1200/slab": ("casting.length=17.2 m", "mechanics.bulging.axial_strain=true"),
 }  # fmt: skip
-"""What is cast, and what is changed of it."""
+"""Cases and their changed keys."""
 RUNS = (
     ("billet125/taper_1", "coarse"), ("billet125/taper_1", DEFAULT),
     ("billet180/peritectic", "coarse"), (SEGREGATED, "coarse"), ("slab1200/slab", "coarse"),
 )  # fmt: skip
-"""Cases with the accuracy of their cells and windows."""
+"""Cases and accuracy levels of their runs."""
 CRITERIA = 'quality.hot_tearing=["won","clyne_davies","rdg"]'
 DRAWN = ("billet125/taper_1", "slab1200/slab")
 QUIET = ("output.figures=false", "output.fields=[]")
@@ -87,7 +88,7 @@ RESULTS = ("won_front", "won", "clyne_davies_front", "rdg_front")
 
 
 def grades() -> list[dict[str, Any]]:
-    """The brittle range of steels in equilibrium and segregated, and what they bear, per cent."""
+    """Return brittle ranges in equilibrium and with segregation, and critical strains, %."""
     rows = []
     for carbon in CARBON:
         composition, row = {"C": carbon, **PLANT}, {"carbon": carbon}
@@ -101,9 +102,9 @@ def grades() -> list[dict[str, Any]]:
 
 
 def from_memory() -> list[dict[str, Any]]:
-    """What 10 % more of each datum from memory makes of the damage of a peritectic steel, %.
+    """Return the change of damage of a peritectic steel by 10 % more of each datum from memory, %.
 
-    Of one strain at 0.001 1/s, in the range that the steel has segregated.
+    The strain rate is 0.001 1/s, the brittle range that with segregation.
     """
     own, rate = segregated(PERITECTIC).freezing, np.array([1e-3])
 
@@ -119,8 +120,8 @@ def from_memory() -> list[dict[str, Any]]:
         rows.append({"datum": f"quality.won.{name}", "width": 0.0, "share": changed})
     phosphorus = SOLUTES["P"]
     for name in ("partition", "diffusion", "activation", "liquidus", "transformation"):
-        given = getattr(phosphorus, name)
-        more = tuple(1.1 * one for one in given) if isinstance(given, tuple) else 1.1 * given
+        datum = getattr(phosphorus, name)
+        more = tuple(1.1 * x for x in datum) if isinstance(datum, tuple) else 1.1 * datum
         solutes = {**SOLUTES, "P": replace(phosphorus, **{name: more})}
         with patch.object(microsegregation, "SOLUTES", solutes):
             path = segregated(PERITECTIC).freezing
@@ -129,20 +130,20 @@ def from_memory() -> list[dict[str, Any]]:
     return [row | {"share": 100.0 * (critical(own) / row["share"] - 1.0)} for row in rows]
 
 
-def beside_scheil(file: Path) -> list[dict[str, Any]]:
-    """Temperatures of solid fractions by microsegregation and by Scheil, degC.
+def compared_with_scheil(file: Path) -> list[dict[str, Any]]:
+    """Return temperatures of solid fractions by microsegregation and by Scheil, degC.
 
-    With the width of the brittle range by the database in equilibrium, K.
+    Rows also have the width of the brittle range by the database in equilibrium, K.
     """
     rows = []
-    for carbon in BESIDE:
+    for carbon in SCHEIL_CARBON:
         composition = {"C": carbon, "Mn": PLANT["Mn"], "Si": PLANT["Si"]}
-        asked = Request(str(file), ("LIQUID", "BCC_A2", "FCC_A1"))
+        request = Request(str(file), ("LIQUID", "BCC_A2", "FCC_A1"))
         row: dict[str, Any] = {"carbon": carbon}
         for name, changes in (
             ("segregated", {"diagram": "segregated"}),
-            ("scheil", {"database": replace(asked, scheil=Scheil(END))}),
-            ("equilibrium", {"database": asked}),
+            ("scheil", {"database": replace(request, scheil=Scheil(END))}),
+            ("equilibrium", {"database": request}),
         ):
             steel = load_steel("plain_carbon", composition=composition, overrides=changes)
             for fraction in (0.4, 0.9, 0.99):
@@ -153,9 +154,9 @@ def beside_scheil(file: Path) -> list[dict[str, Any]]:
 
 
 def peritectic_strip(size: float, diagram: str, quick: bool) -> float:
-    """Ratio of the times of a peritectic steel with cells of so many mm.
+    """Return the Clyne-Davies ratio of a strip of peritectic steel with cells of `size` mm.
 
-    In equilibrium it is refused, but for another brittle range; what it would be is told here.
+    castfem rejects the criterion for this steel in equilibrium; the check is disabled here.
     """
     cells = f"{size} mm"
     strip = {
@@ -174,7 +175,7 @@ def peritectic_strip(size: float, diagram: str, quick: bool) -> float:
         "quality": {"hot_tearing": ["clyne_davies"]},
         "output": {"figures": False, "fields": []},
     }  # fmt: skip
-    with patch.object(hot_tearing, "lacks", lambda *given: None):
+    with patch.object(hot_tearing, "lacks", lambda *arguments: None):
         tearing, x = followed(from_document(strip))
     low, high = (0.0, np.inf) if quick else SHALLOW
     chosen = (x > low) & (x < high)
@@ -182,7 +183,7 @@ def peritectic_strip(size: float, diagram: str, quick: bool) -> float:
 
 
 def followed(case: Case) -> tuple[Tearing, Array]:
-    """What the places of a strip have met, and their depths, m; 0 beside its lower side."""
+    """Run a strip; return its tearing and the depth of vertices, m (0 above the lower side)."""
     simulation = build(case, MPI.COMM_SELF)
     run = TimeLoop(simulation)
     run.run()
@@ -195,7 +196,7 @@ def followed(case: Case) -> tuple[Tearing, Array]:
 
 
 def strip(size: float, quick: bool) -> dict[str, Any]:
-    """By how much the times of the strip are off, per cent, with cells of so many mm."""
+    """Return the errors of the times of the strip with cells of `size` mm, per cent."""
     keys = [f"mesh.surface_size={size} mm", f"mesh.core_size={size} mm", f"section.width={size} mm"]
     keys += ["section.length=60 mm", f"casting.length={'0.05' if quick else '0.6'} m", *QUIET]
     case = load_case(
@@ -216,7 +217,7 @@ def strip(size: float, quick: bool) -> dict[str, Any]:
     feeds, begins, ends = (over(fraction) for fraction in (0.4, 0.9, 0.99))
     time = np.mean(tearing.history.vulnerable[chosen] / (x[chosen] ** 2 * (ends - begins)))
     ratio = np.mean(tearing.clyne_davies()[chosen]) * (begins - feeds) / (ends - begins)
-    # The range at the middle of these depths: as far as places that are at its ends at one time.
+    # Thickness of the brittle range at the middle of these depths: the distance of its ends.
     thickness = 1e3 * np.mean(BETWEEN) * (1.0 - (begins / ends) ** 0.5)
     return {
         "size": size, "in_range": thickness / size, "time": 100.0 * (time - 1.0),
@@ -227,9 +228,9 @@ def strip(size: float, quick: bool) -> dict[str, Any]:
 
 
 def windows(folder: Path, quick: bool) -> list[dict[str, Any]]:
-    """Damage by strain on coarse cells, with windows of several lengths."""
+    """Compute damage by strain on coarse cells with windows of several lengths."""
     rows = []
-    for name, length, window, told in WINDOWS[: 1 if quick else None]:
+    for name, length, window, coarse in WINDOWS[: 1 if quick else None]:
         cut = "50 mm" if quick else length
         keys = [*QUIET, *CASES[name], 'quality.hot_tearing=["won"]', f"casting.length={cut}"]
         keys = [key for key in keys if not key.startswith("quality.rdg")]
@@ -239,19 +240,19 @@ def windows(folder: Path, quick: bool) -> list[dict[str, Any]]:
         summary = finished_run(at_level(case, "coarse"), folder / place).summary
         found = summary.quantities["way_won_front_max"]
         where = found.label.partition("on the way, ")[2]
-        rows.append({"case": name, "window": told, "won_front": found.shown, "where": where})
+        rows.append({"case": name, "window": coarse, "won_front": found.shown, "where": where})
     return rows
 
 
 def cast(name: str, level: str, folder: Path, quick: bool) -> Summary:
-    """A case with all criteria."""
+    """Run a case with all criteria."""
     short = ("casting.length=50 mm",) if quick else ()
     case = load_case(find(name.partition(",")[0]), [*QUIET, CRITERIA, *CASES[name], *short])
     return finished_run(at_level(case, level), folder).summary
 
 
-def told(name: str, level: str, summary: Summary) -> dict[str, Any]:
-    """Largest values and where they are."""
+def row_of(name: str, level: str, summary: Summary) -> dict[str, Any]:
+    """Return the largest values of a run and their positions."""
     row: dict[str, Any] = {"case": name, "accuracy": level}
     for result in RESULTS:
         found = summary.quantities[f"way_{result}_max"]
@@ -261,7 +262,7 @@ def told(name: str, level: str, summary: Summary) -> dict[str, Any]:
 
 @look()
 def draw(output: Output, name: str, folder: Path, zones: Any) -> None:
-    """The maps over the depth of a run."""
+    """Draw the maps of a run over depth."""
     maps = SurfaceMaps(folder, DEPTHS)
     picture = draw_depths(maps, Abscissa(maps.time, maps.position, zones))
     if picture is not None:
@@ -269,19 +270,19 @@ def draw(output: Output, name: str, folder: Path, zones: Any) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Grades, the strip, and the runs, those that have finished not again."""
+    """Compute grades and strip, and do the runs that have not finished."""
     output.csv("hot_tearing_grades", grades())
     output.csv("hot_tearing_memory", from_memory())
     output.csv("hot_tearing_cells", [strip(s, quick) for s in (SIZES[:1] if quick else SIZES)])
     if not quick and (file := os.environ.get("DATABASE")):
-        output.csv("hot_tearing_scheil", beside_scheil(Path(file)))
+        output.csv("hot_tearing_scheil", compared_with_scheil(Path(file)))
     base = (output.folder if quick else ROOT / "results") / "hot_tearing"
     output.csv("hot_tearing_windows", windows(base, quick))
     rows = []
     for name, level in RUNS[: 1 if quick else None]:
         folder = base / f"{name.replace('/', '_').replace(', ', '_')}_{level}"
         summary = cast(name, level, folder, quick)
-        rows.append(told(name, level, summary))
+        rows.append(row_of(name, level, summary))
         if name in DRAWN and level == "coarse":
             draw(output, name, folder, summary.zones)
         output.csv("hot_tearing", rows)
@@ -289,7 +290,7 @@ def main(output: Output, quick: bool) -> None:
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     heads: dict[str, Any] = {
         "carbon": ("C [wt%]", ".2f"), "assessed begins": ("equilibrium: 0.9 solid at [°C]", ".1f"),
         "assessed width": ("to 0.99 [K]", ".1f"),
@@ -302,13 +303,13 @@ def show(output: Output) -> None:
         "datum": "10 % more of", "width": ("width of the range [%]", "+.1f"),
         "share": ("damage [%]", "+.1f"),
     })  # fmt: skip
-    beside = {"carbon": ("C [wt%]", ".2f")}
+    columns = {"carbon": ("C [wt%]", ".2f")}
     for fraction in ("0.4", "0.9", "0.99"):
-        beside |= {
+        columns |= {
             f"segregated {fraction}": (f"{fraction} solid at [°C]", ".1f"),
             f"scheil {fraction}": ("by Scheil", ".1f"),
         }
-    output.table("hot tearing scheil", output.rows("hot_tearing_scheil"), beside)
+    output.table("hot tearing scheil", output.rows("hot_tearing_scheil"), columns)
     output.table("hot tearing cells", output.rows("hot_tearing_cells"), {
         "size": ("cells [mm]", "g"), "in_range": ("of them in the range", ".1f"),
         "time": ("time in the range [%]", "+.1f"), "ratio": ("its ratio to the relief [%]", "+.1f"),

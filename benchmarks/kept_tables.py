@@ -1,4 +1,4 @@
-"""Tables of finished studies, which stand in their pages as text and are held to their data.
+"""Tables of finished studies, which are text in their pages and are compared with their data.
 
 A comment over such a table names its file of docs/data:
 
@@ -7,11 +7,11 @@ A comment over such a table names its file of docs/data:
     |:--|--:|--:|
     | +1 %/m | 0.25 | +0.01 |
 
-Each row of the table is one of the file, in the same order. In each column of the table the words,
-or else the numbers, are those of one column of the file, rounded to the digits that the table
+Each row of the table is one of the file, in the same order. The words, or else the numbers, of each
+column of the table are those of one column of the file, rounded to the digits that the table
 shows; a cell with several numbers has a column for each. Words of the first column may differ from
-the file, as may words without a number anywhere. `<!-- data FILE.csv rows 1 3 -->` takes some rows
-of the file, `<!-- data FILE.csv transposed -->` a table whose columns are the rows of the file.
+the file, as may words without a number in any column. `<!-- data FILE.csv rows 1 3 -->` selects
+rows of the file; in `<!-- data FILE.csv transposed -->` its rows are the columns of the table.
 """
 
 from __future__ import annotations
@@ -36,42 +36,42 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class KeptTable:
-    """A table of a page, turned so that its rows are those of a file."""
+    """A table of a page, transposed if necessary so that its rows are those of a file."""
 
-    line: int  #: of the page, from 1
-    name: str  #: of its file in docs/data, without ending
-    chosen: tuple[int, ...]  #: rows of the file, from 1; () for all
-    headings: tuple[str, ...]  #: of the columns
-    columns: tuple[tuple[str, ...], ...]  #: the cells of each column
+    line: int  #: line of the page, from 1
+    name: str  #: name of its file in docs/data, without ending
+    chosen: tuple[int, ...]  #: selected rows of the file, from 1; () for all
+    headings: tuple[str, ...]  #: headings of the columns
+    columns: tuple[tuple[str, ...], ...]  #: cells of each column
 
     def wrong(self, folder: Path) -> list[str]:
-        """Columns that are none of the file, a line each.
+        """Return a message for each column that is not in the file.
 
         Args:
-            folder: Laid out as docs/.
+            folder: A folder with the layout of docs/.
         """
         rows = Output(folder).rows(self.name)
         if self.chosen:
             rows = [rows[number - 1] for number in self.chosen if number <= len(rows)]
         if not rows or len(rows) != len(self.columns[0]):
             return [f"{len(self.columns[0])} rows, {self.name}.csv has {len(rows)}"]
-        told = (column_error(cells, rows) for cells in self.columns)
-        named = list(zip(self.headings, told, self.columns, strict=True))
-        if not any(map(_pure, self.columns[0])):
-            del named[0]  # what the rows are called
-        return [f"{head}: {error} in {self.name}.csv" for head, error, _ in named if error]
+        errors = [column_error(cells, rows) for cells in self.columns]
+        named = list(zip(self.headings, errors, strict=True))
+        if not any(map(_is_number, self.columns[0])):
+            del named[0]  # names of the rows
+        return [f"{head}: {error} in {self.name}.csv" for head, error in named if error]
 
 
 def kept_tables(text: str) -> list[KeptTable]:
-    """The tables of a page that are tied to a file."""
+    """Return the tables of a page that are compared with a file."""
     found = []
-    for one in _TABLE.finditer(text):
-        name, chosen, turned, head, body = one.groups()
+    for match in _TABLE.finditer(text):
+        name, chosen, transposed, head, body = match.groups()
         lines = [_cells(line) for line in (f"|{head}", *body.splitlines())]
         columns: Sequence[tuple[str, ...]] = list(zip(*lines, strict=True))
-        if turned:
+        if transposed:
             columns = lines
-        line = text.count("\n", 0, one.start()) + 1
+        line = text.count("\n", 0, match.start()) + 1
         numbers = tuple(int(word) for word in (chosen or "").split())
         headings = tuple(column[0] for column in columns)
         rest = tuple(column[1:] for column in columns)
@@ -80,22 +80,22 @@ def kept_tables(text: str) -> list[KeptTable]:
 
 
 def column_error(cells: Sequence[str], rows: Sequence[Row]) -> str:
-    """Which number of a column of cells is none of the file; "" where all are, or none is there."""
+    """Return a message on numbers of a column that are not in the file; "" without any."""
     if any(all(map(_same, cells, (row[key] for row in rows))) for key in rows[0]):
         return ""
     for numbers in zip_longest(*(_NUMBER.findall(cell) for cell in cells)):
-        here = [one for one in zip(numbers, cells, rows, strict=True) if one[0]]
-        off = [
-            [n for n, cell, row in here if not (_same(cell, row[key]) or rounds(row[key], n))]
+        present = [line for line in zip(numbers, cells, rows, strict=True) if line[0]]
+        missing = [
+            [n for n, cell, row in present if not (_same(cell, row[key]) or rounds(row[key], n))]
             for key in rows[0]
         ]
-        if least := min(off, key=len):
+        if least := min(missing, key=len):
             return f"no column has {', '.join(least)}"
     return ""
 
 
 def rounds(value: Any, text: str) -> bool:
-    """Whether a number of the file is the one of a table to the digits that the table shows."""
+    """Whether a number of the file, rounded to the digits of a table, is the number there."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         return False
     shown = Decimal(text)
@@ -106,15 +106,15 @@ def rounds(value: Any, text: str) -> bool:
 
 
 def _same(cell: str, value: Any) -> bool:
-    """Whether a cell has the words of the file, or is empty as it is there."""
+    """Whether a cell has the words of the file, or both are empty."""
     return cell.strip("*`") == ("" if value is None else value)
 
 
-def _pure(cell: str) -> bool:
-    """Whether a cell is a number and nothing else."""
+def _is_number(cell: str) -> bool:
+    """Whether a cell is only a number."""
     return _NUMBER.fullmatch(cell) is not None
 
 
 def _cells(line: str) -> tuple[str, ...]:
-    """The cells of a line of a table."""
+    """Return the cells of a line of a table."""
     return tuple(cell.strip() for cell in line.strip().strip("|").split("|"))

@@ -1,10 +1,10 @@
-"""castfem beside a plain script on scikit-fem: processor time at equal error.
+"""castfem and a plain script on scikit-fem: processor time at equal error.
 
-The thermal billet in its mould (`cases/billet125/thermal.toml`, against the converged reference),
-and half the thermal slab down 4 m of its caster (`cases/slab1200/sprays.toml`, against a run on
-fine cells in short steps).  Both codes get the same meshes and the best of their options; of each,
-the cheapest run within a level of error is then repeated, the two by turns.  Both times are those
-of the processor in the time loop with its results, without set-up and files.
+The thermal billet in its mould (`cases/billet125/thermal.toml`) is compared with the converged
+reference, half the thermal slab down 4 m of its caster (`cases/slab1200/sprays.toml`) with a run on
+fine cells in short steps. Both programs get the same meshes and the best of their options. The
+cheapest run of each within an error level is then repeated, alternately with that of the other.
+Times are processor times of the time loop with its results, without set-up and files.
 
     tools/env.sh benchmark
     python -m benchmarks opponent
@@ -38,44 +38,44 @@ from castfem.runs.results.sample import Sample
 
 SLAB, TO = ROOT / "cases" / "slab1200" / "sprays.toml", 4.0  # m, through 14 rolls
 QUIET = ("output.figures=false", "output.fields=[]", "output.every=1000 s")
-SETTLED = 0.02  # m below the mould, from where on surfaces are compared
+SETTLED = 0.02  # distance below the mould from which surfaces are compared, m
 PAIRS = 5
 OURS, THEIRS = "castfem", "scikit-fem"
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What a run gives, and what it took."""
+    """Results and cost of a run."""
 
     time: Array  #: ends of its steps (n,), s
     values: Array  #: mid-face and corner, degC, heat of the whole section, MJ/m (3, n)
-    vertices: int  #: unknowns
-    newton: int  #: Newton iterations
+    vertices: int  #: number of unknowns
+    newton: int  #: number of Newton iterations
     seconds: float  #: processor time
 
     def at(self, times: Array) -> Array:
-        """The values at other times, between steps on straight lines (3, m)."""
+        """Return the values at other times by linear interpolation (3, m)."""
         return np.array([np.interp(times, self.time, line) for line in self.values])
 
 
 @dataclass(frozen=True, slots=True)
 class Race:
-    """One case for both."""
+    """A case for both programs and their options."""
 
     name: str
-    probes: tuple[str, str]  #: whose surfaces are compared
-    case: Callable[[float, float], Case]  #: of a size of cells, mm, and of a step, s, or error, K
+    probes: tuple[str, str]  #: probes whose surface temperatures are compared
+    case: Callable[[float, float], Case]  #: case by size of cells, mm, and step, s, or error, K
     ours: tuple[float, ...]  #: castfem's steps, s, or errors of a step, K
-    theirs: tuple[tuple[str, float, float | None], ...]  #: scheme, largest step, first, s
-    sizes: tuple[float, ...]  #: mm
-    levels: tuple[tuple[float, float], ...]  #: errors asked for, K and % of the heat
-    norm: Callable[[Array], float]  #: of an error over time
-    unit: str  #: of castfem's steps
-    fine: tuple[float, ...] = ()  #: of the case that is the reference; the stored one without
+    theirs: tuple[tuple[str, float, float | None], ...]  #: scheme, largest and first step, s
+    sizes: tuple[float, ...]  #: sizes of cells, mm
+    levels: tuple[tuple[float, float], ...]  #: error levels, K and % of the heat
+    norm: Callable[[Array], float]  #: norm of an error over time
+    unit: str  #: unit of castfem's steps
+    fine: tuple[float, ...] = ()  #: arguments of `case` for the reference; () for the stored one
 
 
 class Listener:
-    """Keeps what is compared at the end of each step, where a run would write its files."""
+    """Keeps the compared results of each step; replaces the recorder of a run."""
 
     def __init__(self, probes: tuple[str, str]) -> None:
         self.probes = probes
@@ -89,7 +89,7 @@ class Listener:
 
 
 def billet(size: float, step: float) -> Case:
-    """The billet, in even steps."""
+    """Return the billet in equal steps."""
     sizes = {"surface_size": size, "corner_size": size, "step": step}
     return billet_case(replace(accuracy.GRADED, **sizes))
 
@@ -97,7 +97,7 @@ def billet(size: float, step: float) -> Case:
 def slab(
     size: float, kelvin: float, core: float = 24.0, face: float = 30.0, largest: float = 2.0
 ) -> Case:
-    """Half the slab, in steps of an error, and of at most as many s."""
+    """Return half the slab in adaptive steps of a tolerance, K, and a largest step, s."""
     keys = {"surface_size": size, "corner_size": size, "core_size": core, "face_size": face}
     mesh = [f"mesh.{name}={value:g} mm" for name, value in keys.items()]
     steps = {"tolerance": f"{kelvin:g} K", "largest": f"{largest:g} s"}
@@ -121,7 +121,7 @@ STRAND = Race(
 
 
 def ours(race: Race, case: Case) -> Track:
-    """Castfem's way."""
+    """Run a case by castfem."""
     simulation, listener = build(case, MPI.COMM_SELF), Listener(race.probes)
     loop = TimeLoop(simulation, listener)  # type: ignore[arg-type]
     start = process_time()
@@ -135,32 +135,32 @@ def ours(race: Race, case: Case) -> Track:
 
 
 def theirs(race: Race, case: Case) -> Callable[[str, float, float | None], Track]:
-    """The script's way, on the mesh of a case."""
+    """Return a function that runs the plain script on the mesh of a case."""
     from benchmarks.plain_script import Script
 
     simulation = build(case, MPI.COMM_SELF)
     script, section, end = Script(simulation), simulation.section, case.casting.duration
-    places = section.vertex_space.tabulate_dof_coordinates()[:, :2]
+    points = section.vertex_space.tabulate_dof_coordinates()[:, :2]
     starts = [simulation.probes.lines[name][0] for name in race.probes]
-    ends = [int(np.argmin(np.linalg.norm(places - start, axis=1))) for start in starts]
-    whole = 1e-6 * section.multiplicity
+    probes = [int(np.argmin(np.linalg.norm(points - start, axis=1))) for start in starts]
+    scale = 1e-6 * section.multiplicity
 
     def march(scheme: str, largest: float, first: float | None) -> Track:
         instants, kept, script.newton = script.instants(end, largest, first), [], 0
         start = process_time()
         for time, u, s in script.march(instants, scheme):
-            kept.append((time, *script.temperature(u[ends]) - ZERO_CELSIUS, float(s.sum())))
+            kept.append((time, *script.temperature(u[probes]) - ZERO_CELSIUS, float(s.sum())))
         seconds = process_time() - start
         time, *surfaces, stored = np.array(kept).T
         first_heat = float(script.stored(np.full(section.owned, script.poured)).sum())
-        values = np.array([*surfaces, whole * (first_heat - stored)])
+        values = np.array([*surfaces, scale * (first_heat - stored)])
         return Track(time, values, section.owned, script.newton, seconds)
 
     return march
 
 
 def truth(race: Race) -> tuple[Array, Array]:
-    """Times of comparison (n,), s, and the values there (3, n)."""
+    """Return the times of comparison (n,), s, and the reference values (3, n)."""
     if not race.fine:
         values = load()["rounded"].values
         return INSTANTS[LATE], np.array([values[n][LATE] for n in ("mid_face", "corner", "heat")])
@@ -171,15 +171,15 @@ def truth(race: Race) -> tuple[Array, Array]:
 
 
 def compare(race: Race) -> list[dict[str, Any]]:
-    """All runs of both codes; those that are the cheapest within a level, by turns."""
+    """Do all runs of both programs; repeat the cheapest ones within each level alternately."""
     times, right = truth(race)
     rows: list[dict[str, Any]] = []
-    again: list[Callable[[], Track]] = []
+    runs: list[Callable[[], Track]] = []
 
-    def tried(code: str, size: float, how: str, one: Callable[[], Track]) -> None:
-        found = one()
+    def add_row(code: str, size: float, how: str, run: Callable[[], Track]) -> None:
+        found = run()
         off = found.at(times) - right
-        again.append(one)
+        runs.append(run)
         rows.append({
             "case": race.name, "code": code, "size_mm": size, "how": how,
             "vertices": found.vertices, "steps": len(found.time), "newton": found.newton,
@@ -191,12 +191,12 @@ def compare(race: Race) -> list[dict[str, Any]]:
     for size in race.sizes:
         for step in race.ours:
             case = race.case(size, step)
-            tried(OURS, size, f"SDIRK2, {step:g} {race.unit}", partial(ours, race, case))
+            add_row(OURS, size, f"SDIRK2, {step:g} {race.unit}", partial(ours, race, case))
         march = theirs(race, race.case(size, race.ours[0]))
         for way in race.theirs:
             steps = f"{way[1]:g} s" if way[2] is None else f"{way[2]:g} to {way[1]:g} s"
             how = f"{way[0].upper()}, {steps}"
-            tried(THEIRS, size, how, partial(march, *way))
+            add_row(THEIRS, size, how, partial(march, *way))
     tries = len(rows)
     for kelvin, percent in race.levels:
         pair = []
@@ -205,16 +205,16 @@ def compare(race: Race) -> list[dict[str, Any]]:
                     and r["kelvin"] <= kelvin and r["heat_percent"] <= percent]  # fmt: skip
             pair += [min(near)[1]] if near else []
         if len(pair) == 2:
-            turns = np.array([[again[i]().seconds for i in pair] for _ in range(PAIRS)])
-            told = {"level": f"{kelvin:g} K, {percent:g} %"}
+            turns = np.array([[runs[i]().seconds for i in pair] for _ in range(PAIRS)])
+            level = {"level": f"{kelvin:g} K, {percent:g} %"}
             ratio = {"ratio": median(turns[:, 1] / turns[:, 0])}
             for i, spent, more in zip(pair, turns.T, ({}, ratio), strict=True):
-                rows.append(rows[i] | told | {"seconds": median(spent)} | more)
+                rows.append(rows[i] | level | {"seconds": median(spent)} | more)
     return rows
 
 
 def main(output: Output, quick: bool = False) -> None:
-    """Both cases; table and CSV."""
+    """Compare the programs on both cases; write table and CSV."""
     try:
         import skfem  # noqa: F401
     except ModuleNotFoundError:
@@ -228,7 +228,7 @@ def main(output: Output, quick: bool = False) -> None:
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """Write the table from the data."""
     head: Columns = {
         "case": "case", "level": "asked for", "code": "code", "size_mm": "cells [mm]",
         "how": "steps", "vertices": "vertices", "steps": "steps taken",

@@ -1,6 +1,6 @@
-"""Does the interval of an optimum hold what finer cells find? Short moulds of the 125 mm billet.
+"""Whether the interval of an optimum contains that of finer cells: moulds of the 125 mm billet.
 
-Each question is asked twice: with the coarse level, whose interval is tried, and with the fine one,
+Each optimum is searched twice: at the coarse level, whose interval is tested, and at the fine one,
 whose best value is the reference.
 """
 
@@ -21,7 +21,7 @@ SCENES: dict[str, tuple[int, dict[str, Any]]] = {
         250, {"minimise": "way_von_mises_smooth", "constraints": []},
     ),
 }  # fmt: skip
-"""Length of the mould, mm, and what is asked for."""
+"""Length of the mould, mm, and target of the optimisation."""
 SHOWN: Columns = {
     "scene": "target", "length": ("mould [mm]", ".0f"), "best": ("best, coarse [%/m]", ".2f"),
     "interval": "cannot be distinguished from [%/m]", "reference": ("best, fine [%/m]", ".2f"),
@@ -30,12 +30,12 @@ SHOWN: Columns = {
 
 
 def search(number: int, fidelity: str) -> Optimum:
-    """The answer to a question by a level."""
-    length, asked = list(SCENES.values())[number]
+    """Return the optimum of a target at an accuracy level."""
+    length, target = list(SCENES.values())[number]
     variable = [{"key": "mould.taper", "range": ["-1 %/m", "4 %/m"]}]
     case = load("billet125/optimum_single").with_({
         "casting.length": f"{length} mm", "mould.length": f"{length} mm",
-        "optimise": {**asked, "variable": variable, "fidelity": fidelity},
+        "optimise": {**target, "variable": variable, "fidelity": fidelity},
     })  # fmt: skip
     runs = ROOT / "results" / "optimum_holds" / f"{number}_{fidelity}"
     with Evaluator(case, runs, processes=1) as evaluator:
@@ -43,7 +43,7 @@ def search(number: int, fidelity: str) -> Optimum:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Each question by both levels; quick: the first one."""
+    """Search each optimum at both levels; quick: only the first one."""
     rows = []
     for number, (scene, (length, _)) in enumerate(SCENES.items()):
         (value,), (finer,) = search(number, "coarse").values, search(number, "fine").values
@@ -62,5 +62,5 @@ def main(output: Output, quick: bool) -> None:
 
 
 def show(output: Output) -> None:
-    """The table from the data."""
+    """Write the table from the data."""
     output.table("optimum holds", output.rows("optimum_holds"), SHOWN)

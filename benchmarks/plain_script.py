@@ -1,13 +1,13 @@
-"""A section that freezes, as a plain script on scikit-fem would solve it: the opponent of castfem.
+"""Solidification of a section by a plain script on scikit-fem, with which castfem is compared.
 
 Enthalpy is differenced over the step, mass is lumped, and the unknown is the conduction integral u
 = int k dT: the stiffness is assembled once, the matrix stays symmetric, and a Newton step changes
-only its diagonal.  Linear systems are solved by SciPy's conjugate gradients with the diagonal as
-preconditioner, which was quicker than SuperLU on all meshes.  Time goes by BDF2 or by Alexander's
-SDIRK2, in steps that somebody has chosen for the case.
+only its diagonal. Linear systems are solved by SciPy's conjugate gradients with the diagonal as
+preconditioner, which was quicker than SuperLU on all meshes. The time scheme is BDF2 or Alexander's
+SDIRK2, with steps chosen for the case.
 
-Mesh, T(u), H(u) and the heat that leaves each vertex in each zone, over its temperature, are read
-from castfem's set-up into tables, so that no law is evaluated in the time loop.
+Mesh, T(u), H(u) and the heat out of each vertex over its temperature in each zone are read from
+castfem's set-up into tables, so that no law is evaluated in the time loop.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from castfem.model.build.simulation import Simulation
 
 GAMMA = 1.0 - 0.5**0.5
 NEWTON, TOLERANCE = 40, 1e-6  # K
-COLDEST, SPACING, COARSE = 300.0, 0.25, 5.0  # K: of the tables of the steel and of the fluxes
+COLDEST, SPACING, COARSE = 300.0, 0.25, 5.0  # K: start of tables; steps for steel and fluxes
 
 
 @BilinearForm
 def laplacian(u: Any, v: Any, _: Any) -> Any:
-    """Int grad u . grad v."""
+    """Return the integrand grad u . grad v."""
     return dot(grad(u), grad(v))
 
 
 @BilinearForm
 def mass(u: Any, v: Any, _: Any) -> Any:
-    """Int u v."""
+    """Return the integrand u v."""
     return u * v
 
 
 class Script:
-    """The heat balance of a section of quadrilaterals; numbers of its vertices are castfem's.
+    """Heat balance of a section of quadrilaterals; vertices are numbered as in castfem.
 
     Args:
-        simulation: Set up, of a case with temperature alone and a constant casting speed.
+        simulation: Simulation of a thermal case with a constant casting speed.
 
     Attributes:
         poured: u of the steel as it is cast, W/m.
@@ -91,15 +91,15 @@ class Script:
             self._fluxes.append(heat[:, self._surface])
 
     def temperature(self, u: Array) -> Array:
-        """T (n,), K."""
+        """Return T(u) (n,), K."""
         return np.interp(u, self._u, self._kelvin)
 
     def stored(self, u: Array) -> Array:
-        """Enthalpy of every vertex, J/m."""
+        """Return the enthalpy of every vertex, J/m."""
         return np.asarray(self.area * np.interp(u, self._u, self._enthalpy))
 
     def _lost(self, u: Array, time: float) -> tuple[Array, Array]:
-        """Heat that leaves the surface in the zone of a step that ends at `time`, W/m; d/dT."""
+        """Return heat out of the surface in a step that ends at `time`, W/m, and its slope d/dT."""
         zone = max(int(np.searchsorted(self.changes, time - 1e-6)) - 1, 0)
         flux, place = self._fluxes[zone], (self.temperature(u[self._surface]) - COLDEST) / COARSE
         i = place.astype(int)
@@ -107,14 +107,14 @@ class Script:
         return low + (place - i) * rise, rise / COARSE
 
     def _residual(self, u: Array, base: Array, tau: float, time: float) -> tuple[Array, Array]:
-        """Heat balance of every vertex, J/m, and the slope of the surface's heat."""
+        """Return the heat balance of every vertex, J/m, and the slope of the surface's heat."""
         lost, slope = self._lost(u, time)
         flow = np.asarray(self._stiffness @ u)
         flow[self._surface] += lost
         return self.stored(u) - base + tau * flow, slope
 
     def _change(self, u: Array, r: Array, slope: Array, tau: float) -> Array:
-        """Newton's correction."""
+        """Return the correction of a Newton step."""
         i = np.clip(np.searchsorted(self._u, u, side="right") - 1, 0, len(self._u) - 2)
         warmer, fuller = self._slopes[:, i]
         diagonal, matrix = self.area * fuller, self._stiffness * tau
@@ -125,7 +125,7 @@ class Script:
         return np.asarray(cg(matrix, r, rtol=1e-8, M=jacobi)[0])
 
     def _stage(self, base: Array, guess: Array, tau: float, time: float) -> Array:
-        """Solve stored(u) - base + tau flow(u) = 0 by Newton's method, damped where it must be."""
+        """Solve stored(u) - base + tau flow(u) = 0 by Newton's method with damping."""
         u = guess.copy()
         r, slope = self._residual(u, base, tau, time)
         size = float(np.abs(r / self.area).max()) / self._capacity
@@ -146,30 +146,30 @@ class Script:
         return u
 
     def instants(self, end: float, largest: float, first: float | None) -> list[float]:
-        """Ends of steps, s: even ones, or from each change on doubled from `first` to `largest`."""
-        found = [0.0]
+        """Return ends of steps, s: equal ones, or doubled from `first` after each change."""
+        ends = [0.0]
         for change in [*self.changes[1:], end]:
-            left, sizes, step = change - found[-1], [], largest if first is None else first
-            while sum(sizes) < left - 1e-9:
+            length, sizes, step = change - ends[-1], [], largest if first is None else first
+            while sum(sizes) < length - 1e-9:
                 sizes.append(step)
                 step = min(2.0 * step, largest)
-            found += (found[-1] + np.cumsum(sizes) * left / sum(sizes)).tolist()
-        return found[1:]
+            ends += (ends[-1] + np.cumsum(sizes) * length / sum(sizes)).tolist()
+        return ends[1:]
 
     def march(self, instants: Iterable[float], scheme: str) -> Iterator[tuple[float, Array, Array]]:
-        """Yield time, s, u and what the vertices store after each step; "bdf2" or "sdirk2"."""
+        """Yield time, s, u and stored heat after each step; `scheme` is "bdf2" or "sdirk2"."""
         time, before, u = 0.0, 0.0, np.full(len(self.area), self.poured)
         s_old = s = self.stored(u)
         u_old = u
         for then in instants:
             step = then - time
-            more = step / before if before else 0.0  # of this step than of the one before
+            more = step / before if before else 0.0  # ratio of this step to the previous one
             if scheme == "sdirk2":
                 tau = GAMMA * step
                 u1 = self._stage(s, u + GAMMA * more * (u - u_old), tau, then - step + tau)
                 base = s + (1 - GAMMA) / GAMMA * (self.stored(u1) - s)
                 new = self._stage(base, u1 + (1 - GAMMA) / GAMMA * (u1 - u), tau, then)
-            else:  # of which the first step is backward Euler
+            else:  # the first step is backward Euler
                 old, now = more**2 / (1 + 2 * more), (1 + more) / (1 + 2 * more)
                 guess = u + more * (u - u_old)
                 new = self._stage((1 + old) * s - old * s_old, guess, now * step, then)

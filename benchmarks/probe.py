@@ -1,7 +1,4 @@
-"""One run of the billet in a process of its own, for what cannot be measured in a shared one.
-
-`measure` prints time, memory and sizes: start-up and memory belong to a process, ranks to mpirun.
-"""
+"""One run of the billet in a process of its own or on several ranks, for its time and memory."""
 
 from __future__ import annotations
 
@@ -15,15 +12,15 @@ if TYPE_CHECKING:
 
 
 def main() -> None:
-    """Run and print."""
-    given = argument()
+    """Run the billet of the argument and print its results."""
+    arguments = argument()
     from mpi4py import MPI
 
     from benchmarks.billet import Settings, run
 
     comm = MPI.COMM_WORLD
     before = peak()
-    result = run(Settings(**given["settings"]), repeats=given["repeats"], comm=comm)
+    result = run(Settings(**arguments["settings"]), repeats=arguments["repeats"], comm=comm)
     memory = comm.allreduce(peak())
     if comm.rank == 0:
         answer({
@@ -38,7 +35,7 @@ def main() -> None:
 
 
 def measure(settings: Settings, ranks: int = 1, repeats: int = 1) -> dict[str, Any]:
-    """Run `main` in a process of its own, or under mpirun."""
+    """Run `main` in a process of its own, or under mpirun; return times, memory and sizes."""
     return launch("benchmarks.probe", {"settings": asdict(settings), "repeats": repeats}, ranks)
 
 

@@ -1,4 +1,4 @@
-"""Work in processes of its own, whose times and memory are then those of this work alone."""
+"""Runs in separate processes, to measure their own time and memory."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from benchmarks.report import ROOT
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What a command took, s."""
+    """Times of a command, s."""
 
-    processor: float  #: of the process and of those that it started and waited for
-    wall: float  #: by the clock
+    processor: float  #: processor time of the process and its child processes
+    wall: float  #: wall time
 
 
 def castfem(*words: str, environment: Mapping[str, str] | None = None) -> Spent:
     """Run a command of castfem quietly in a process of its own.
 
     Args:
-        words: What follows `castfem`.
+        words: Arguments of `castfem`.
         environment: Variables that are added to those of this process.
 
     Raises:
-        RuntimeError: It failed; holds what it wrote.
+        RuntimeError: The command failed; the message contains its output.
     """
     command = [sys.executable, "-m", "castfem.cli", *words, "-q"]
     start, before = perf_counter(), getrusage(RUSAGE_CHILDREN)
@@ -46,61 +46,61 @@ def castfem(*words: str, environment: Mapping[str, str] | None = None) -> Spent:
 
 def launch(
     module: str,
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     ranks: int = 1,
     environment: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Run `module` in a process of its own, or under mpirun.
 
     Args:
-        module: Takes its argument as JSON and gives its answer to `answer`.
-        given: Its argument.
-        ranks: Processes.
+        module: Module that reads `argument` and calls `answer` with its results.
+        arguments: What `argument` returns in the new process.
+        ranks: Number of processes.
         environment: Variables that are added to those of this process.
 
     Raises:
-        RuntimeError: It failed; holds what it wrote.
+        RuntimeError: The module failed; the message contains its output.
     """
-    command = [sys.executable, "-m", module, json.dumps(given)]
+    command = [sys.executable, "-m", module, json.dumps(arguments)]
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PMIX_", "PMI_"))}
     clean |= environment or {}
     if ranks > 1:
         command = [shutil.which("mpirun") or "mpirun", "-n", str(ranks), *command]
-        # Two ranks on two cores of one machine, whoever runs them.
+        # Two ranks on two cores of one machine, for any user.
         clean |= {
             "OMPI_MCA_rmaps_base_oversubscribe": "1",
             "OMPI_ALLOW_RUN_AS_ROOT": "1",
             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         }
         clean.setdefault("OMPI_MCA_btl", "^tcp,ofi,uct")
-        # A rank that waits gives way: the cores may have other work.
+        # A rank that waits yields its core, on which other programs may run.
         clean.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
         clean.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
-    # Open MPI does not start where a run that was killed has left a folder under its number.
+    # Open MPI does not start if a killed run has left a folder with the same number.
     with tempfile.TemporaryDirectory() as own:
         written = _run(command, clean | {"PRTE_MCA_prte_tmpdir_base": own})
     lines = [line for line in written.splitlines() if line.startswith("RESULT ")]
     if not lines:
         raise RuntimeError(f"{' '.join(command)}: no answer\n{written}")
-    found: dict[str, Any] = json.loads(lines[-1].removeprefix("RESULT "))
-    return found
+    results: dict[str, Any] = json.loads(lines[-1].removeprefix("RESULT "))
+    return results
 
 
 def argument() -> dict[str, Any]:
-    """What `launch` gave to this process."""
-    given: dict[str, Any] = json.loads(sys.argv[1])
-    return given
+    """Return the argument that `launch` passed to this process."""
+    arguments: dict[str, Any] = json.loads(sys.argv[1])
+    return arguments
 
 
-def answer(found: Mapping[str, Any]) -> None:
-    """Tell `launch` what was found; on one rank alone."""
-    print("RESULT " + json.dumps(found))
+def answer(results: Mapping[str, Any]) -> None:
+    """Return results to `launch`; call it on one rank only."""
+    print("RESULT " + json.dumps(results))
 
 
 def peak() -> float:
-    """Largest resident memory of this process, bytes.
+    """Return the largest resident memory of this process, bytes.
 
-    What `getrusage` says would begin with the memory of the process that started this one.
+    The value of `getrusage` would include the memory of the process that started this one.
     """
     status = Path("/proc/self/status")
     if status.exists():
@@ -113,7 +113,7 @@ def peak() -> float:
 
 
 def _run(command: Sequence[str], environment: Mapping[str, str]) -> str:
-    """What a command wrote to its standard output."""
+    """Run a command; return its standard output."""
     done = subprocess.run(
         command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )

@@ -1,7 +1,7 @@
-"""Numbers in the sentences of the pages, tied to the data they come from.
+"""Numbers in the sentences of the pages, linked to the data they come from.
 
-A number in running text is tied by a comment in front of it, which a reader does not see; another
-comment, at the end of the page, says where its number comes from:
+A number in running text is marked by a comment in front of it, which a reader does not see; another
+comment, at the end of the page, names its source:
 
     the slice loses <!-- q1 -->136.4 kJ
 
@@ -9,10 +9,10 @@ comment, at the end of the page, says where its number comes from:
     q1: billet_moulds.csv[mould=+1 %/m].heat_removed_slice .1f
     -->
 
-That is a file of docs/data, the row by one or more columns, the column, and the format. Two such
-cells may be divided, subtracted or compared in per cent (`%`: how much more the first is).
-`python -m benchmarks tables` writes the numbers anew, a test finds one that differs from its data.
-Tables of finished studies are held to their data by `kept_tables`.
+The source is a file of docs/data, the row by one or more columns, the column, and the format. Two
+cells may be divided, subtracted or compared in per cent (`%`: how much larger the first is).
+`python -m benchmarks tables` rewrites the numbers; a test finds those that differ from their data.
+Tables of finished studies are compared with their data by `kept_tables`.
 """
 
 from __future__ import annotations
@@ -39,80 +39,80 @@ _SIGN = re.compile(r" ([-/%]) (?=\w+\.csv\[)")
 class Quotation:
     """A number in a sentence."""
 
-    line: int  #: of the page, from 1
-    what: str  #: the cells it comes from
-    form: str  #: its format
-    told: str  #: the number as it stands there
+    line: int  #: line of the page, from 1
+    what: str  #: cells of the data that it comes from
+    form: str  #: format of the number
+    text: str  #: the number in the page
 
 
 def pages(folder: Path) -> list[Path]:
-    """The pages in a folder laid out as docs/, in the folders below it, and README beside docs/."""
-    beside = folder.parent / "README.md"
-    own = [beside] if folder.name == PAGE.parent.name and beside.is_file() else []
-    return own + sorted(folder.rglob("*.md"))
+    """Return the pages in a folder with the layout of docs/ and below it, and README.md."""
+    readme = folder.parent / "README.md"
+    first = [readme] if folder.name == PAGE.parent.name and readme.is_file() else []
+    return first + sorted(folder.rglob("*.md"))
 
 
 def quotations(page: Path) -> list[Quotation]:
-    """The tied numbers of a page; without a source where it says none."""
+    """Return the marked numbers of a page; one without a source has its marker as `what`."""
     text = page.read_text(encoding="utf-8")
-    known = _defined(text)
+    sources = _sources(text)
     return [
-        Quotation(text.count("\n", 0, found.start()) + 1, *_source(found, known), found[2])
-        for found in _QUOTED.finditer(text)
+        Quotation(text.count("\n", 0, match.start()) + 1, *_source(match, sources), match[2])
+        for match in _QUOTED.finditer(text)
     ]
 
 
-def _defined(text: str) -> dict[str, tuple[str, str]]:
-    """Cells and format by number, as the end of a page has them."""
+def _sources(text: str) -> dict[str, tuple[str, str]]:
+    """Return cells and format by number, from the end of a page."""
     return {number: (what, form) for number, what, form in _DEFINED.findall(text)}
 
 
-def _source(found: re.Match[str], known: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
-    """Cells and format of a quotation."""
-    return known.get(found[1], (f"q{found[1]}", "g"))
+def _source(match: re.Match[str], sources: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
+    """Return cells and format of a marked number."""
+    return sources.get(match[1], (f"q{match[1]}", "g"))
 
 
 def wrong(folder: Path) -> list[str]:
-    """Numbers of pages in `folder`, in sentences and kept tables, that its data have otherwise."""
-    found = []
+    """Return a message for each number in sentences and kept tables that differs from the data."""
+    messages = []
     for page in pages(folder):
         text = page.read_text(encoding="utf-8")
-        unused = set(_defined(text)) - {one[1] for one in _QUOTED.finditer(text)}
+        unused = set(_sources(text)) - {match[1] for match in _QUOTED.finditer(text)}
         name = os.path.relpath(page, folder)
-        found += [f"{name}: no sentence has q{number}" for number in sorted(unused)]
-        for one in quotations(page):
-            where = f"{name}: line {one.line}"
+        messages += [f"{name}: no sentence has q{number}" for number in sorted(unused)]
+        for quoted in quotations(page):
+            where, source = f"{name}: line {quoted.line}", f"{quoted.what} {quoted.form}"
             try:
-                right = value(folder, one.what, one.form)
+                right = value(folder, quoted.what, quoted.form)
             except KeyError as error:
-                found.append(f"{where}: {error.args[0]}")
+                messages.append(f"{where}: {error.args[0]}")
                 continue
-            if right != one.told:
-                found.append(f"{where}: {one.told} is quoted, {one.what} {one.form} is {right}")
+            if right != quoted.text:
+                messages.append(f"{where}: {quoted.text} is quoted, {source} is {right}")
         for table in kept_tables(text):
-            found += [f"{name}: line {table.line}: {what}" for what in table.wrong(folder)]
-    return found
+            messages += [f"{name}: line {table.line}: {what}" for what in table.wrong(folder)]
+    return messages
 
 
 def rewrite(folder: Path) -> None:
-    """Write the tied numbers of the pages in `folder` anew; one without a cell stays (`wrong`)."""
+    """Rewrite the marked numbers of the pages in `folder`; one without a cell is kept (`wrong`)."""
     for page in pages(folder):
         text = page.read_text(encoding="utf-8")
-        known = _defined(text)
+        sources = _sources(text)
 
-        def anew(found: re.Match[str], known: Mapping[str, Any] = known) -> str:
+        def updated(match: re.Match[str], sources: Mapping[str, Any] = sources) -> str:
             try:
-                number = value(folder, *_source(found, known))
+                number = value(folder, *_source(match, sources))
             except KeyError:
-                return found[0]
-            return found[0].removesuffix(found[2]) + number
+                return match[0]
+            return match[0].removesuffix(match[2]) + number
 
-        if (made := _QUOTED.sub(anew, text)) != text:
-            page.write_text(made, encoding="utf-8")
+        if (rewritten := _QUOTED.sub(updated, text)) != text:
+            page.write_text(rewritten, encoding="utf-8")
 
 
 def value(folder: Path, what: str, form: str) -> str:
-    """The number that a comment asks for, as text.
+    """Return the number of a source as text.
 
     Raises:
         KeyError: There is no such cell, or no number in it.

@@ -50,7 +50,7 @@ WORDS = {
     "shell_mid_face": "shell, mid-face",
     "shell_corner": "shell, corner diagonal",
 }
-STEP = 0.05  # s, of the families; the finest of `STEPS` corrects them
+STEP = 0.05  # time step of the families, s; a correction is computed from `STEPS`
 STEPS = (0.05, 0.025, 0.0125)
 HALVINGS = (0.5**0.5) ** np.arange(4)  # factors on the sizes within a family
 
@@ -67,18 +67,18 @@ class Reference:
 class Family:
     """Meshes that differ by one factor on every size."""
 
-    name: str  #: what tells it from the others
-    coarsest: Settings  #: its first mesh
-    factors: Array  #: on the sizes
-    serves: tuple[str, ...] = QUANTITIES  #: the quantities it is used for
+    name: str  #: name in the table
+    coarsest: Settings  #: settings of its coarsest mesh
+    factors: Array  #: factors on the sizes
+    serves: tuple[str, ...] = QUANTITIES  #: quantities it is used for
 
     def members(self) -> list[Settings]:
-        """Settings of every mesh."""
+        """Return the settings of every mesh."""
         return [refined(self.coarsest, f) for f in self.factors]
 
 
 def families(corner: str, factors: Array = HALVINGS) -> list[Family]:
-    """The families of a variant."""
+    """Return the families of a variant."""
     quads = Settings(
         corner=corner,
         surface_size=0.25,
@@ -107,9 +107,9 @@ def families(corner: str, factors: Array = HALVINGS) -> list[Family]:
 
 
 def fitted(sizes: Array, values: Array) -> tuple[Array, Array]:
-    """Limit of values (m, n) on meshes of sizes (m,) by a + b s^2, and its uncertainty (n,)."""
+    """Return the limit of values (m, n) for sizes (m,) by a + b s^2, and its uncertainty (n,)."""
     system = np.stack([np.ones_like(sizes), sizes**2], axis=1)
-    weight = (sizes.min() / sizes)[:, None]  # the finer ones count more
+    weight = (sizes.min() / sizes)[:, None]  # finer meshes have more weight
     (limit, slope), *_ = np.linalg.lstsq(weight * system, weight * values, rcond=None)
     scatter = np.sqrt(np.mean((values - system @ np.stack([limit, slope])) ** 2, axis=0))
     (s1, s2), (v1, v2) = sizes[-2:], values[-2:]
@@ -118,7 +118,7 @@ def fitted(sizes: Array, values: Array) -> tuple[Array, Array]:
 
 
 def histories(results: Iterable[Result], name: str) -> Array:
-    """One quantity of several runs (m, n)."""
+    """Return one quantity of several runs (m, n)."""
     return np.array([getattr(r, name) for r in results])
 
 
@@ -132,16 +132,16 @@ def converge(
 
     Args:
         corner: "rounded" or "sharp".
-        factors: On the sizes of the families' coarsest meshes.
-        steps: The families' step and finer ones, s, for the correction.
-        say: Told of every run.
+        factors: Factors on the sizes of the families' coarsest meshes.
+        steps: Time steps, s: that of the families, then finer ones for the correction.
+        say: Called with a line for every run.
 
     Returns:
         The reference and a table of all runs.
     """
     rows: list[dict[str, Any]] = []
 
-    def made(name: str, settings: Settings) -> Result:
+    def add_run(name: str, settings: Settings) -> Result:
         result = run(settings)
         rows.append(row(name, settings, result))
         say("  " + ", ".join(f"{k} {v}" for k, v in rows[-1].items()))
@@ -150,12 +150,12 @@ def converge(
     limits: dict[str, list[tuple[Array, Array]]] = {q: [] for q in QUANTITIES}
     for family in families(corner, factors):
         members = [replace(m, step=steps[0]) for m in family.members()]
-        results = [made(family.name, m) for m in members]
+        results = [add_run(family.name, m) for m in members]
         sizes = np.array([m.surface_size for m in members])
         for q in family.serves:
             limits[q].append(fitted(sizes, histories(results, q)))
     coarsest = families(corner, factors)[0].coarsest
-    by_step = [made("time step", replace(coarsest, step=step)) for step in steps]
+    by_step = [add_run("time step", replace(coarsest, step=step)) for step in steps]
     values, uncertainty = {}, {}
     for q, found in limits.items():
         ends, doubts = np.array([e for e, _ in found]), np.array([d for _, d in found])
@@ -167,7 +167,7 @@ def converge(
 
 
 def row(name: str, settings: Settings, result: Result) -> dict[str, Any]:
-    """One run in the table of the reference file."""
+    """Return the row of a run in the reference file."""
     found: dict[str, Any] = {
         "family": name,
         "surface_size_mm": round(settings.surface_size, 5),
@@ -180,7 +180,7 @@ def row(name: str, settings: Settings, result: Result) -> dict[str, Any]:
 def one_dimensional(
     cells: tuple[int, ...] = (500, 1000, 2000, 4000), step: float = 0.0125
 ) -> dict[str, tuple[Array, Array]]:
-    """Surface temperature (degC) and shell (mm) at mid-face from a strip, each with uncertainty."""
+    """Return mid-face temperature (degC) and shell (mm) of a strip, each with its uncertainty."""
     length = 62.5
     sizes = length / np.array(cells, float)
     results = [run(Settings(step=step), case=strip_case(length, s, step)) for s in sizes]
@@ -223,12 +223,12 @@ def compute(say: Callable[[str], None] = print) -> dict[str, Reference]:
 
 
 def _upwards(numbers: Array) -> list[float]:
-    """Two significant digits, never less than the number."""
+    """Round to two significant digits, never below the number."""
     return [float(f"{1.05 * n:.1e}") for n in numbers]
 
 
 def load() -> dict[str, Reference]:
-    """The stored references, by variant.
+    """Return the stored references by variant.
 
     Raises:
         FileNotFoundError: There are none; `python -m benchmarks reference` makes them.
@@ -245,7 +245,7 @@ def load() -> dict[str, Reference]:
 
 
 def show(output: Output) -> None:
-    """Put the values at the exit of the mould into the page."""
+    """Write the values at the exit of the mould into the page."""
     rows = []
     for corner, reference in load().items():
         for q in QUANTITIES:
@@ -268,6 +268,6 @@ def show(output: Output) -> None:
 
 
 def main(output: Output) -> None:
-    """Compute the references anew and show them."""
+    """Compute the references and write their table."""
     compute()
     show(output)

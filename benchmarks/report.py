@@ -1,4 +1,4 @@
-"""Where the benchmarks put their results: CSV files, figures, and tables in a page of docs/."""
+"""Results of the benchmarks: CSV files, figures, and tables in a page of docs/."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks.md"
 Row = Mapping[str, Any]
 Columns = Mapping[str, str | Sequence[str]]
-"""Heading of a column by its key, or heading and format of its numbers."""
+"""Heading of each column by its key, or heading and format of its numbers."""
 _WORDS = {"": None, "True": True, "False": False}
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A folder laid out as docs/: data/*.csv, figures/*.png, and the page with the tables."""
+    """A folder with the layout of docs/: data/*.csv, figures/*.png and the page with the tables."""
 
-    #: docs/ itself, or any other place: the page is copied there when it is missing
+    #: docs/ or another folder, into which the page is copied if it is missing
     folder: Path = PAGE.parent
-    name: str = PAGE.name  #: of the page
+    name: str = PAGE.name  #: file name of the page
 
     @property
     def page(self) -> Path:
-        """The page with the tables."""
+        """Path of the page with the tables."""
         return self.folder / self.name
 
     def csv(self, name: str, rows: Sequence[Row]) -> None:
@@ -49,9 +49,9 @@ class Output:
             writer.writerows({k: _plain(v) for k, v in row.items()} for row in rows)
 
     def rows(self, name: str) -> list[dict[str, Any]]:
-        """Read data/NAME.csv: numbers, flags, words, None for what is empty; [] without a file.
+        """Read data/NAME.csv: numbers, flags, words, None for empty cells; [] without a file.
 
-        Tables are made of these and of nothing else, so that pages can be made anew from the data.
+        Tables are made only from these rows, so that pages can be made again from the data.
         """
         path = self.folder / "data" / f"{name}.csv"
         if not path.is_file():
@@ -67,14 +67,14 @@ class Output:
         return path
 
     def table(self, name: str, rows: Sequence[Row], columns: Columns) -> None:
-        """Put a table between the markers NAME of the page; without rows that one stays."""
+        """Write a table between the markers NAME of the page; without rows keep the present one."""
         if rows:
             pairs = {k: (v, "g") if isinstance(v, str) else v for k, v in columns.items()}
             heads = {k: head for k, (head, _) in pairs.items()}
             self.insert(name, table(rows, heads, {k: form for k, (_, form) in pairs.items()}))
 
     def insert(self, name: str, text: str) -> None:
-        """Put `text` between the markers NAME of the page.
+        """Write `text` between the markers NAME of the page.
 
         Raises:
             KeyError: The page has no such markers.
@@ -92,29 +92,29 @@ class Output:
 
 
 def power(rows: Sequence[Row], cost: str) -> float:
-    """Power of the number of cells that a cost goes with, over all rows."""
+    """Return the power of the number of cells with which a cost grows, over all rows."""
     cells, costs = (np.log([r[k] for r in rows]) for k in ("cells", cost))
     return float(np.polyfit(cells, costs, 1)[0])
 
 
 def front(rows: Sequence[Row], key: str) -> tuple[list[float], list[float]]:
-    """Time and error of the runs that no other run beats in both."""
-    best, times, found = float("inf"), [], []
+    """Return time and error of the runs that no other run beats in both."""
+    best, times, errors = float("inf"), [], []
     for r in sorted(rows, key=lambda r: r["seconds"]):
         if r[key] < best:
             best = r[key]
             times.append(r["seconds"])
-            found.append(best)
-    return times, found
+            errors.append(best)
+    return times, errors
 
 
 def table(rows: Sequence[Row], columns: Mapping[str, str], formats: Mapping[str, str]) -> str:
-    """A Markdown table.
+    """Return a Markdown table.
 
     Args:
-        rows: The data.
+        rows: Data.
         columns: Headings by key, in order.
-        formats: Format of the numbers by key, as for `format`; "g" where there is none.
+        formats: Format of the numbers by key, as for `format`; default "g".
     """
     numeric = {k: all(not isinstance(r.get(k), str) for r in rows) for k in columns}
     lines = [
@@ -128,14 +128,14 @@ def table(rows: Sequence[Row], columns: Mapping[str, str], formats: Mapping[str,
 
 
 def written(value: Any, form: str) -> str:
-    """One cell: a number in a format, a word as it is, nothing for None."""
+    """Return the text of a cell: a number in a format, a word unchanged, "" for None."""
     if value is None:
         return ""
     return value if isinstance(value, str) else format(value, form)
 
 
 def _read(text: str) -> Any:
-    """The inverse of `_plain`."""
+    """Return the inverse of `_plain`."""
     if text in _WORDS:
         return _WORDS[text]
     for kind, form in ((int, "d"), (float, ".9g")):
@@ -143,18 +143,18 @@ def _read(text: str) -> Any:
             value = kind(text)
         except ValueError:
             continue
-        if format(value, form) == text:  # "1e-4" is what somebody called it
+        if format(value, form) == text:  # "1e-4" is a name, not a number
             return value
     return text
 
 
 def _plain(value: Any) -> Any:
-    """Numbers with the digits they deserve in a CSV file."""
+    """Return a float with nine digits for a CSV file, another value unchanged."""
     return f"{value:.9g}" if isinstance(value, float) else value
 
 
 Panel = tuple[str, Sequence[Row], str, str]
-"""Title, runs, key of the error, and what it is.
+"""Title, runs, key of the error, and its label.
 
 A run has `seconds`, the error, `default`, and `colour`, `marker` and `size` of its point."""
 
@@ -164,18 +164,18 @@ def errors_over_time(
     legend: Sequence[tuple[str, str, str]],
     logarithmic: bool = True,
 ) -> Figure:
-    """Each run a point, the default ringed, those joined that no other beats.
+    """Draw each run as a point; the default is ringed, runs that no other beats are joined.
 
     Args:
-        panels: Row by row.
-        legend: Words, marker and colour of its entries.
-        logarithmic: Whether errors are drawn so.
+        panels: Panels row by row.
+        legend: Text, marker and colour of the entries.
+        logarithmic: Whether the scale of the errors is logarithmic.
     """
     with look():
         figure = new_figure(8.6, 3.2 * len(panels))
         grid = figure.subplots(len(panels), len(panels[0]), squeeze=False)
         for axis, (title, rows, key, label) in zip(
-            grid.flat, (one for line in panels for one in line), strict=True
+            grid.flat, (panel for line in panels for panel in line), strict=True
         ):
             axis.plot(*front(rows, key), "-", color="#777777", linewidth=1.0)
             for row in rows:
@@ -200,6 +200,6 @@ def errors_over_time(
 
 
 def _plain_numbers(axis: Axis) -> None:
-    """Numbers without powers of ten."""
+    """Label an axis by numbers without powers of ten."""
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")

@@ -1,8 +1,8 @@
-"""What derivatives of a run cost: by one parameter and by six, in memory and as whole runs.
+"""Cost of derivatives of a run by one parameter and by six: in time loops and in whole runs.
 
-All times are those of the processor, the least of several runs by turns, which other work on the
-machine disturbs least. The billet's temperatures through its mould, the billet in its mould, and
-both whole: as the command that a user gives and as the function that a script calls.
+Times are processor times, the least of several alternate runs, on which other work on the machine
+has the least effect. Cases are the thermal billet and the billet in its mould; whole runs are
+measured as the command of a user and as the function of a script.
 Writes tables of docs/sensitivity.md.
 """
 
@@ -27,7 +27,7 @@ from castfem.runs.loop import TimeLoop
 from castfem.studies.sensitivity.followed_run import Recorder, follow
 from castfem.studies.sensitivity.readings import Readings, asked_quantities
 
-ALONE, COUPLED = "billet125/thermal", "billet125/taper_1"
+THERMAL, COUPLED = "billet125/thermal", "billet125/taper_1"
 SIX = (
     "cooling.mould.coefficient", "cooling.mould.wall", "casting.superheat", "casting.speed",
     "steel.solidus", "steel.latent_heat",
@@ -47,7 +47,7 @@ CELLS: dict[str, dict[str, Any]] = {
     "shipped, 150 mm": {"casting.length": "150 mm"},
     "shipped, 600 mm": {},
 }  # fmt: skip
-"""The start of the run on cells that a search would find coarse, and on those shipped."""
+"""Changes of the case: the start of the run on coarse cells, then shipped cells."""
 
 
 def _case(name: str, changes: dict[str, Any]) -> Case:
@@ -58,8 +58,8 @@ def _case(name: str, changes: dict[str, Any]) -> Case:
     )
 
 
-def _alone(case: Case, count: int) -> tuple[float, float]:
-    """Processor times, s, of set-up and time loop, without mechanics."""
+def _thermal(case: Case, count: int) -> tuple[float, float]:
+    """Run a thermal case; return processor times of set-up and time loop, s."""
     start, simulation = process_time(), build(case, MPI.COMM_SELF)
     derivatives = follow(simulation, SIX[:count]) if count else None
     begun = process_time()
@@ -72,7 +72,7 @@ def _alone(case: Case, count: int) -> tuple[float, float]:
 
 
 def _coupled(case: Case, count: int) -> tuple[float, float]:
-    """The same of a billet in its mould."""
+    """Run a billet in its mould; return processor times of set-up and time loop, s."""
     start, simulation = process_time(), build(case, MPI.COMM_SELF)
     loop = TimeLoop(simulation)
     if count:
@@ -90,15 +90,15 @@ def _coupled(case: Case, count: int) -> tuple[float, float]:
 
 
 def _in_turn(turns: int, take: Callable[[int], Any]) -> np.ndarray:
-    """What each number of parameters takes, the least of some turns; the first compiles."""
+    """Return the least time for each number of parameters; the first turn compiles."""
     return np.array([[take(count) for count in COUNTS] for _ in range(turns)]).min(axis=0)
 
 
-def _rows(given: dict[str, Any], times: np.ndarray) -> list[dict[str, Any]]:
-    """A row a number of parameters, from its time loop or from set-up and time loop."""
+def _rows(labels: dict[str, Any], times: np.ndarray) -> list[dict[str, Any]]:
+    """Return a row per number of parameters from times of the time loop, and of set-up if any."""
     parts = times.reshape(len(COUNTS), -1)
     return [
-        given
+        labels
         | {"parameters": count, **dict(zip(("seconds", "setup"), row[::-1].tolist(), strict=False))}
         | {"more": 100.0 * (row[-1] / parts[0, -1] - 1.0), "differences": 100.0 * count}
         for count, row in zip(COUNTS, parts, strict=True)
@@ -106,19 +106,19 @@ def _rows(given: dict[str, Any], times: np.ndarray) -> list[dict[str, Any]]:
 
 
 def spent(*words: str) -> float:
-    """Processor time of a command of castfem in a process and a folder of its own, s."""
+    """Return the processor time of a castfem command in a process and folder of its own, s."""
     with tempfile.TemporaryDirectory() as home:
         return castfem(*words, "-o", f"{home}/run").processor
 
 
 def _whole(short: dict[str, Any], turns: int) -> list[dict[str, Any]]:
-    """Whole runs, plain and with derivatives: as a command, and as functions, without figures."""
-    given = COUPLED, *(f"--set={key}={value}" for key, value in short.items())
+    """Measure whole runs with and without derivatives, as commands and as functions."""
+    case_words = COUPLED, *(f"--set={key}={value}" for key, value in short.items())
 
     def command(count: int) -> float:
         to = ",".join(SIX_OF_MOULD[:count])
         of = ("--of", ",".join(OF_MOULD), "--to", to)
-        return spent("sensitivity", *given, *of) if count else spent("run", *given)
+        return spent("sensitivity", *case_words, *of) if count else spent("run", *case_words)
 
     def called(case: Case, to: tuple[str, ...], of: tuple[str, ...]) -> Callable[[int], float]:
         def take(count: int) -> float:
@@ -132,7 +132,7 @@ def _whole(short: dict[str, Any], turns: int) -> list[dict[str, Any]]:
     ways = {
         "command": command,
         "Python": called(coupled, SIX_OF_MOULD, OF_MOULD),
-        "Python, temperatures alone": called(_case(ALONE, short), SIX, OF),
+        "Python, temperatures alone": called(_case(THERMAL, short), SIX, OF),
     }
     return [
         row for way, take in ways.items() for row in _rows({"given": way}, _in_turn(turns, take))
@@ -140,10 +140,10 @@ def _whole(short: dict[str, Any], turns: int) -> list[dict[str, Any]]:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Time loops of both billets, and whole runs."""
+    """Measure time loops of both billets and whole runs."""
     short = {"casting.length": "45 mm"} if quick else {}
-    alone = _case(ALONE, short)
-    times = _in_turn(1 if quick else TURNS, lambda count: _alone(alone, count))
+    thermal = _case(THERMAL, short)
+    times = _in_turn(1 if quick else TURNS, lambda count: _thermal(thermal, count))
     output.csv("sensitivity_cost", _rows({}, times))
     turns = 1 if quick else TURNS_COUPLED + 1
     rows = []
@@ -157,7 +157,7 @@ def main(output: Output, quick: bool) -> None:
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     head = {
         "parameters": "parameters", "setup": ("set-up, s", ".2f"),
         "seconds": ("time loop, s", ".2f"), "more": ("beyond a plain one, %", ".0f"),

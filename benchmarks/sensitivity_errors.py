@@ -1,7 +1,8 @@
-"""The errors that `castfem sensitivity` states beside differences of whole runs.
+"""Stated errors of `castfem sensitivity` compared with differences of whole runs.
 
 Derivatives of a billet in its mould and of a slab, by parameters that move the front and by the
-taper, against central differences at two distances. Writes a table of docs/sensitivity.md.
+taper, are compared with central differences at two distances.
+Writes a table of docs/sensitivity.md.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from castfem.studies.sensitivity.result import Sensitivity
 from castfem.studies.sensitivity.run import sensitivity
 
 DISTANCES = (0.01, 0.1)
-"""Of the parameter, to either side."""
+"""Changes to either side, relative to the parameter."""
 FRONT = ("cooling.mould.coefficient", "casting.speed", "casting.superheat")
 OF_BILLET = (
     "heat_removed", "shell_mid_face", "shell_corner", "surface_temperature_mid_face",
@@ -37,7 +38,7 @@ QUICK = ("casting.length=50 mm", "mould.length=600 mm", "mesh.surface_size=2 mm"
 
 
 def main(output: Output, quick: bool) -> None:
-    """Run each case with derivatives, and four times for each of its parameters."""
+    """Run each case with derivatives, and four times for each parameter."""
     rows: list[dict[str, Any]] = []
     for name, changes, of, to in RUNS[: 1 if quick else None]:
         case = load_case(CASES.parent / f"{name}.toml", (*QUIET, *changes, *(QUICK * quick)))
@@ -47,17 +48,17 @@ def main(output: Output, quick: bool) -> None:
 
 
 def compared(name: str, case: Case, of: tuple[str, ...], to: tuple[str, ...]) -> list[Any]:
-    """A row for each result and parameter."""
+    """Return a row for each result and parameter."""
     found = sensitivity(case, of, to, comm=MPI.COMM_SELF)
     rows = {(row.name, row.parameter.name): row for row in found.rows()}
-    made = []
+    table = []
     for parameter in found.parameters:
-        wide = [differences(case, parameter, found, share) for share in DISTANCES]
+        near_and_far = [differences(case, parameter, found, share) for share in DISTANCES]
         for result in found.quantities:
             row, per_cent = rows[result, parameter.name], 0.01 * parameter.value
-            apart = [per_cent * one[result] for one in wide]
+            apart = [per_cent * difference[result] for difference in near_and_far]
             value, error = per_cent * row.value, per_cent * row.error
-            made.append(
+            table.append(
                 {
                     "case": name, "result": result, "parameter": parameter.name,
                     "unit": unit_of_difference(row.quantity.shown_unit),
@@ -65,20 +66,20 @@ def compared(name: str, case: Case, of: tuple[str, ...], to: tuple[str, ...]) ->
                     "within": within(value, error, apart),
                 }
             )  # fmt: skip
-    return made
+    return table
 
 
 def within(value: float, error: float, apart: list[float]) -> str:
-    """Whether differences of runs lie within the error of a derivative."""
+    """Return "yes" if all differences of runs are within the error of a derivative."""
     if math.isnan(error):
         return "error unknown"
-    return "yes" if all(abs(one - value) <= error for one in apart) else "no"
+    return "yes" if all(abs(x - value) <= error for x in apart) else "no"
 
 
 def differences(
     case: Case, parameter: Parameter, found: Sensitivity, share: float
 ) -> dict[str, float]:
-    """Central differences of runs, in the unit of the result over that of the parameter."""
+    """Return central differences of runs: unit of the result over that of the parameter."""
     step = share * parameter.value
     ends = []
     for sign in (1.0, -1.0):
@@ -92,7 +93,7 @@ def differences(
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """Write the table from the data."""
     head = {
         "case": "case", "result": "result", "parameter": "by", "unit": "unit",
         "derivative": ("derivative", "+.3g"), "error": ("±", ".2g"),

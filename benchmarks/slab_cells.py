@@ -1,7 +1,7 @@
-"""What a coupling window of the slab costs by its number of cells: processor time and memory.
+"""Processor time and memory of a coupling window of the slab by number of cells.
 
-Windows of cases/slab1200/slab.toml as shipped, with the shell that it has at #50, nearly all of
-which takes part in the equations.  Writes a table of docs/slab_error.md.
+The windows are those of cases/slab1200/slab.toml with the shell at #50, nearly all of which is
+part of the mechanical equations. Writes a table of docs/slab_error.md.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from castfem.model import load_case
 from castfem.model.build.simulation import build, build_mesh
 from castfem.runs import loop
 
-SIZES = (7.5, 5.0, 3.5, 2.5, 1.8, 1.05)  # mm, at the wide faces
+SIZES = (7.5, 5.0, 3.5, 2.5, 1.8, 1.05)  # cells at the wide faces, mm
 TO = "casting.length=1.4 m"
 
 
 def measured(size: float) -> dict[str, Any]:
-    """Run some windows with cells of a size, mm, in this process."""
+    """Run some windows in this process with cells of `size` mm; return the row of the table."""
     case = load_case(CASES / "slab.toml", (*QUIET, *Setting(size, 50.0).changes, TO, THICK))
-    build(case, MPI.COMM_SELF).destroy()  # what is compiled once
+    build(case, MPI.COMM_SELF).destroy()  # compiles before times are measured
     with TemporaryDirectory() as folder:
         start = process_time()
         summary = loop.run(case, folder, comm=MPI.COMM_SELF)
@@ -42,7 +42,7 @@ def measured(size: float) -> dict[str, Any]:
 
 
 def main(output: Output, quick: bool) -> None:
-    """All sizes, each in a process of its own, whose memory it is."""
+    """Run all sizes, each in a process of its own; write data and table."""
     rows = []
     for size in (10.0, 15.0) if quick else SIZES:
         rows.append(launch("benchmarks.slab_cells", {"size": size}))
@@ -58,7 +58,7 @@ def main(output: Output, quick: bool) -> None:
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """Write the table from the data."""
     head = {
         "size": "cells, mm", "cells": "cells", "newton": ("Newton iterations a window", ".2f"),
         "ms": ("a window, ms", ".0f"), "iteration": ("an iteration, ms", ".0f"),

@@ -1,8 +1,8 @@
 """Error against run time of the slab: cells, coupling windows, bulging, tolerances.
 
-Runs cases/slab1200/slab.toml with each setting, into results/benchmarks/slab_error (a run that is
-finished there is not repeated).  They are compared with what finer cells and shorter windows make
-of even windows of 50 mm, added up.  Writes tables and a figure of docs/slab_error.md.
+Runs cases/slab1200/slab.toml with each setting into results/benchmarks/slab_error (finished runs
+are not repeated). The reference is the run in equal windows of 50 mm plus its changes by finer
+cells and by shorter windows. Writes tables and a figure of docs/slab_error.md.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ QUIET = ("output.fields=[]", "output.figures=false")
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to run the slab."""
+    """Settings of a run of the slab."""
 
     size: float  #: cells at the wide faces, mm; all others in proportion
     window: float  #: length of strand between two exchanges of temperature and mechanics, mm
-    what: str = ""  #: what else differs from the case, in words; with `keys`
-    keys: tuple[str, ...] = ()
+    what: str = ""  #: description of `keys`
+    keys: tuple[str, ...] = ()  #: other changes of the case
 
     @property
     def name(self) -> str:
-        """Of its folder."""
+        """Name of the folder of the run."""
         return f"{self.size:g}_{self.window:g}" + "".join(
             c if c.isalnum() else "_" for c in self.what
         )
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """Keys of the case."""
+        """Assignments to keys of the case."""
         scale = self.size / 5.0
         return (
             f"mesh.surface_size={self.size:g} mm", f"mesh.corner_size={10 * scale:g} mm",
@@ -63,7 +63,7 @@ class Setting:
 EVEN = "coupling.growth=1"
 EVENLY = Setting(5.0, 50.0)
 FINE_CELLS, FINE_WINDOWS = Setting(2.5, 50.0), Setting(5.0, 25.0)
-AS_THESIS = Setting(5.0, 5.0)  # its steps, on about its number of cells
+AS_THESIS = Setting(5.0, 5.0)  # steps of the thesis, on about its number of cells
 GROWING = "coupling.growth=8"
 SHIPPED = Setting(5.0, 25.0, "growing, 3e-5", (GROWING, "coupling.strain_error=3e-5"))
 SETTINGS = (
@@ -77,7 +77,7 @@ SETTINGS = (
     Setting(5.0, 25.0, "growing", (GROWING, "coupling.strain_error=1e-5")),
     SHIPPED,
 )
-LENGTH = 18.44  # m, of the shipped case
+LENGTH = 18.44  # casting length of the shipped case, m
 _FINE = ("coupling.interval=5 mm", EVEN, "casting.length=1.8 m")
 THICK = (
     'casting.start={ at = "mould_exit", profile = { depth = [0, 20, 50, 80, 110], '
@@ -111,7 +111,7 @@ COMPARED = {
     "heat": ("heat removed", "MJ/m", ".2f"),
     "peak": ("largest von Mises stress", "MPa", ".2f"),
 }
-"""What is compared: what it is, its unit, format of its value; a line where `ALONG` has it."""
+"""Compared results: description, unit and format; those in `ALONG` are lines along the strand."""
 ALONG = {"surface": "surface_temperature_mid_face_intrados",
          "corner": "surface_temperature_corner_intrados", "shell": "shell_mid_face_intrados",
          "bulge": "bulge_pitch"}  # fmt: skip
@@ -124,29 +124,29 @@ SHORT = {"bending_I1": "I1 bending, MPa", "straightening_I1": "I1 straightening,
 
 
 def main(output: Output, quick: bool) -> None:
-    """All settings, each in its turn; what is known is written after each."""
+    """Run all settings; write the results after each."""
     rows: list[dict[str, Any]] = []
     length = ("casting.length=1.1 m",) if quick else ()
     folder = output.folder if quick else FOLDER
     case = load_case(CASES / "slab.toml", (*QUIET, *SHIPPED.changes))
-    build(case, MPI.COMM_SELF).destroy()  # what is compiled once has no part in the first time
-    for one in (Setting(10.0, 100.0), Setting(10.0, 50.0)) if quick else SETTINGS:
-        rows.append(_row(one, folder / one.name, length))
-        print(f"  {one.name}: {rows[-1]['seconds']:.0f} s {rows[-1]['failure']}", flush=True)
+    build(case, MPI.COMM_SELF).destroy()  # compiles before times are measured
+    for setting in (Setting(10.0, 100.0), Setting(10.0, 50.0)) if quick else SETTINGS:
+        rows.append(_row(setting, folder / setting.name, length))
+        print(f"  {setting.name}: {rows[-1]['seconds']:.0f} s {rows[-1]['failure']}", flush=True)
         output.csv("slab_error", rows)
     if not quick:
         output.csv("slab_speed", _speed(folder))
     show(output)
-    if told := _told(output):
-        output.figure("slab_error", draw(told))
+    if runs := _told(output):
+        output.figure("slab_error", draw(runs))
 
 
 def _speed(folder: Path) -> list[dict[str, Any]]:
-    """What windows of 5 mm cost, the thesis' steps, with a thin shell and with a thick one."""
+    """Measure windows of 5 mm, the thesis' steps, with a thin shell and with a thick one."""
     rows = []
     for what, keys in STEPS.items():
         case = load_case(CASES / "slab.toml", (*QUIET, *keys))
-        build(case, MPI.COMM_SELF).destroy()  # what is compiled once
+        build(case, MPI.COMM_SELF).destroy()  # compiles before times are measured
         start = process_time()
         summary = loop.run(case, folder / f"steps_{len(rows)}", comm=MPI.COMM_SELF)
         seconds, windows = process_time() - start, summary.steps["coupling windows"]
@@ -159,21 +159,21 @@ def _speed(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _row(one: Setting, folder: Path, length: Sequence[str]) -> dict[str, Any]:
-    """Run one setting, unless it is finished, and read what is compared."""
-    case = load_case(CASES / "slab.toml", (*QUIET, *one.changes, *length))
+def _row(setting: Setting, folder: Path, length: Sequence[str]) -> dict[str, Any]:
+    """Run a setting, unless it is finished; return the row of its results."""
+    case = load_case(CASES / "slab.toml", (*QUIET, *setting.changes, *length))
     run = finished_run(case, folder)
-    given = {"name": one.name, "size": one.size, "window": one.window, "what": one.what}
+    names = {n: getattr(setting, n) for n in ("name", "size", "window", "what")}
     work = {
         "cells": len(build_mesh(case).cells), "windows": run.summary.steps.get("coupling windows"),
         "newton": run.summary.steps.get("Newton iterations, mechanics"),
         "seconds": run.seconds, "failure": run.failure,
     }  # fmt: skip
-    return given | work | _found(run.summary, run.history, case)
+    return names | work | _results(run.summary, run.history, case)
 
 
-def _found(summary: Summary, history: pd.DataFrame, case: Case) -> dict[str, Any]:
-    """What is compared, lines as words of numbers from roll to roll."""
+def _results(summary: Summary, history: pd.DataFrame, case: Case) -> dict[str, Any]:
+    """Return the compared results; lines are text with a number per roll."""
     assert case.machine is not None
     rolls = case.machine.pairs()
     assert rolls is not None
@@ -191,13 +191,13 @@ def _found(summary: Summary, history: pd.DataFrame, case: Case) -> dict[str, Any
         stress = history[f"axial_stress_{face}"].to_numpy()[rows]
         found[f"{phase}_stress"] = float(stress.max(initial=-np.inf))
         axis, lengths = history["neutral_axis"].to_numpy()[rows], np.diff(at, prepend=0.0)[rows]
-        known = np.isfinite(axis)
-        mean = np.average(axis[known], weights=lengths[known]) if known.any() else np.nan
+        finite = np.isfinite(axis)
+        mean = np.average(axis[finite], weights=lengths[finite]) if finite.any() else np.nan
         found[f"axis_{where}"] = float(mean)
     reached = places[places < at[-1]]
     for name, column in ALONG.items():
         line = history[column].to_numpy()
-        # A bulge is that of the pitch below, of which the next row tells.
+        # The bulge at a roll is that of the pitch below it, which is in the next row.
         rows = np.searchsorted(at, reached + 1e-6)
         values = line[rows] if name == "bulge" else np.interp(reached, at, line)
         found[name] = " ".join(f"{v:.7g}" for v in values)
@@ -216,48 +216,48 @@ def _found(summary: Summary, history: pd.DataFrame, case: Case) -> dict[str, Any
 
 
 def _values(row: Mapping[str, Any], name: str) -> np.ndarray:
-    """What a run has for a quantity: one number, or those of a line, in the unit shown."""
+    """Return the value of a result of a run, or its values along a line, in the shown unit."""
     scale = 1e3 if name == "bulge" else 1.0
     return scale * np.array(str(row[name]).split(), float)
 
 
 def _exact(rows: Mapping[str, Mapping[str, Any]], name: str) -> np.ndarray:
-    """The best that is known: even windows of 50 mm, changed as by finer cells and by windows."""
+    """Return the reference: equal windows of 50 mm plus changes by finer cells and windows."""
     evenly, cells, windows = (
-        _values(rows[one.name], name) for one in (EVENLY, FINE_CELLS, FINE_WINDOWS)
+        _values(rows[setting.name], name) for setting in (EVENLY, FINE_CELLS, FINE_WINDOWS)
     )
     return np.asarray(cells + windows - evenly)
 
 
 def _off(ours: np.ndarray, theirs: np.ndarray) -> float:
-    """What one has more than the other; of lines the rms of it."""
+    """Return the difference of two values, or the rms difference of two lines."""
     difference = ours - theirs
     return float(difference[0] if len(difference) == 1 else np.sqrt(np.mean(difference**2)))
 
 
 def _told(output: Output) -> list[dict[str, Any]]:
-    """The runs with their errors."""
+    """Return the runs with their errors."""
     rows = {row["name"]: row for row in output.rows("slab_error") if not row["failure"]}
     if not {one.name for one in (SHIPPED, EVENLY, FINE_CELLS, FINE_WINDOWS)} <= set(rows):
         return []
-    known = [name for name in COMPARED if all(row.get(name) is not None for row in rows.values())]
-    exact = {name: _exact(rows, name) for name in known}
-    return [row | {n: _off(_values(row, n), exact[n]) for n in known} for row in rows.values()]
+    names = [name for name in COMPARED if all(row.get(name) is not None for row in rows.values())]
+    exact = {name: _exact(rows, name) for name in names}
+    return [row | {n: _off(_values(row, n), exact[n]) for n in names} for row in rows.values()]
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     head: Columns = {
         "what": "600 cells, windows of 5 mm", "windows": "windows",
         "newton": ("Newton iterations a window", ".2f"), "ms": ("a window, ms", ".0f"),
         "whole": ("to #62, min", ".1f"),
     }  # fmt: skip
     output.table("slab speed", output.rows("slab_speed"), head)
-    told = _told(output)
-    if not told:
+    runs = _told(output)
+    if not runs:
         return
     lines = []
-    for row in sorted(told, key=lambda r: r["seconds"]):
+    for row in sorted(runs, key=lambda r: r["seconds"]):
         mark = "**" if row["name"] == SHIPPED.name else ""
         line = {name: f"{mark}{row[name]:g}{mark}" for name in ("size", "window")}
         lines.append(row | line)
@@ -274,7 +274,7 @@ def show(output: Output) -> None:
     )
     lines = []
     for name, (what, unit, form) in COMPARED.items():
-        if name not in told[0]:
+        if name not in runs[0]:
             continue
         base, sign = _values(shipped, name), "" if name in ALONG else "+"
         lines.append(
@@ -303,13 +303,13 @@ DRAWN = {
 }
 
 
-def draw(told: Sequence[Mapping[str, Any]]) -> Figure:
-    """Error against processor time; the default ringed, runs that none beats joined."""
+def draw(runs: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw error against processor time; the default ringed, runs that none beats joined."""
     rows = [
         {name: abs(row[name]) for name in DRAWN}
         | {"seconds": row["seconds"], "default": row["name"] == SHIPPED.name, "size": 7.0}
         | {"colour": COLOURS.get(row["size"], "black"), "marker": MARKERS.get(row["window"], "s")}
-        for row in told
+        for row in runs
     ]
     legend = [(f"{size:g} mm", "s", colour) for size, colour in COLOURS.items()]
     legend += [(f"windows of {w:g} mm", mark, "#777777") for w, mark in MARKERS.items()]

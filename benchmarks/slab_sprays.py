@@ -1,8 +1,8 @@
-"""Temperature of the slab from roll to roll: error, heat.
+"""Temperature of the slab from roll to roll: errors, and heat by mechanism.
 
 Runs cases/slab1200/sprays.toml as shipped, with coarser cells, and with stricter steps down to 6 m,
-into results/benchmarks/slab_sprays (a run that is finished there is not repeated).  Writes tables
-of docs/slab_heat.md.
+into results/benchmarks/slab_sprays (finished runs are not repeated). Writes tables of
+docs/slab_heat.md.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 CASE = ROOT / "cases" / "slab1200" / "sprays.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "slab_sprays"
 QUIET = ("output.fields=[]", "output.figures=false")
-TO = 6.0  # m, of the run with stricter steps
+TO = 6.0  # length of the run with stricter steps, m
 RUNS: dict[str, tuple[str, ...]] = {
     "3 mm": ("mesh.surface_size=3 mm", "mesh.corner_size=3 mm"),
     "3 mm, 0.2 K, to 6 m": (
@@ -37,13 +37,13 @@ RUNS: dict[str, tuple[str, ...]] = {
 SHIPPED = "1 mm, as shipped"
 AGAINST = {"3 mm": SHIPPED, "2 mm": SHIPPED, "3 mm, 0.2 K, to 6 m": "3 mm"}
 LINES = {"mid_face": "surface_temperature_mid_face", "corner": "surface_temperature_corner"}
-SETTLED = 0.02  # m below the mould, from where on surfaces are compared
+SETTLED = 0.02  # distance below the mould from which surfaces are compared, m
 SIDES = ("intrados", "extrados")
 STRETCHES = {"mould to #15": (None, 15), "mould to #57": (None, 57), "#49 to #57": (49, 57)}
 
 
 def main(output: Output, quick: bool) -> None:
-    """All runs; errors, heat by what takes it, what the surface of the straightener does."""
+    """Do all runs; write errors, heat by mechanism, and surface changes in the straightener."""
     runs: dict[str, Finished] = {}
     if quick:
         case = load_case(CASE, (*QUIET, *RUNS["3 mm"], "casting.length=1.2 m"))
@@ -66,7 +66,7 @@ def main(output: Output, quick: bool) -> None:
 
 
 def _row(name: str, runs: dict[str, Finished]) -> dict[str, Any]:
-    """What a run came to, and what its surface differs by from the next finer."""
+    """Return the results of a run and the differences of its surface from the next finer run."""
     run = runs[name]
     summary, history = run.summary, run.history
     heat = summary.balances["heat"]
@@ -94,7 +94,7 @@ def _row(name: str, runs: dict[str, Finished]) -> dict[str, Any]:
 
 
 def _differences(one: pd.DataFrame, other: pd.DataFrame, column: str, end: float) -> np.ndarray:
-    """Of a surface temperature every 5 mm from below the mould on, K."""
+    """Return differences of a surface temperature every 5 mm from below the mould on, K."""
     at = np.arange(0.8 + SETTLED, end, 0.005)
     read = [
         np.interp(at, run["position"].to_numpy(), run[column].to_numpy()) for run in (one, other)
@@ -103,7 +103,7 @@ def _differences(one: pd.DataFrame, other: pd.DataFrame, column: str, end: float
 
 
 def _heat(case: Case, rolls: Rolls, history: pd.DataFrame) -> list[dict[str, Any]]:
-    """Shares of the heat out of both mid-faces by what meets them, %."""
+    """Return shares of the heat out of both mid-faces by roll, spray, water and radiation, %."""
     at, time = history["position"].to_numpy(), history["time"].to_numpy()
     faces = faces_met(case, rolls, float(at[-1]))
     found = []
@@ -118,13 +118,13 @@ def _heat(case: Case, rolls: Rolls, history: pd.DataFrame) -> list[dict[str, Any
                 ends = np.clip([stretch.start, stretch.end], low, high)
                 heat = float(np.diff(np.interp(ends, at, taken))[0])
                 sums[stretch.kind] = sums.get(stretch.kind, 0.0) + heat
-        whole = sum(sums.values())
-        found.append({"where": name} | {kind: 100.0 * heat / whole for kind, heat in sums.items()})
+        total = sum(sums.values())
+        found.append({"where": name} | {kind: 100.0 * heat / total for kind, heat in sums.items()})
     return found
 
 
 def _surface(case: Case, rolls: Rolls, history: pd.DataFrame) -> dict[str, float]:
-    """What the surface does in the straightener, and under the sprays above the bender."""
+    """Return temperature drops of the surface in the straightener and above the bender, K."""
     at = history["position"].to_numpy()
     straightener = tuple(rolls.pairs[i - 1].position for i in (49, 57))
     above = 0.8, rolls.pairs[7].position
@@ -151,7 +151,7 @@ def _surface(case: Case, rolls: Rolls, history: pd.DataFrame) -> dict[str, float
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     head: dict[str, Any] = {
         "name": "cells at the surface", "steps": "steps", "rejected": "rejected",
         "closes": ("solid throughout, m", ".2f"), "heat": ("heat removed to the end, MJ/m", ".1f"),

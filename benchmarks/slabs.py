@@ -1,7 +1,7 @@
-"""The slab in order and with defects of its machine, beside the thesis: what `make slabs` has run.
+"""The slab without and with defects of its machine, compared with the thesis.
 
-Reads the finished runs in results/slab1200; nothing is run.  The thesis' values are the references
-of the cases.  Writes tables of docs/slab_thesis.md.
+Reads the finished runs of `make slabs` in results/slab1200; nothing is run. The thesis' values are
+the references of the cases. Writes tables of docs/slab_thesis.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CASES = {
     "misaligned_48": "#48 off 2 mm", "warm_edges": "warm edges", "nozzles_47_52": "nozzles 66 %",
 }  # fmt: skip
 IMPOSED = "imposed_axis"
-BASE = {"nozzles_47_52": "warm_edges"}  # what a case is compared with, if not with the reference
+BASE = {"nozzles_47_52": "warm_edges"}  # case to compare with, if not the reference
 SHARES = {"I1": 1e-6, "I2": 1e5}  # MPa, 1e-5 1/s
 FACES = ("intrados", "extrados")
 BENDER, STRAIGHTENER = (8, 15), (50, 57)  # rolls; from #49 to #50 a misaligned #48 bends, too
@@ -35,14 +35,14 @@ _SLACK = 1e-6  # m
 
 
 def main(output: Output, quick: bool) -> None:
-    """Read the runs; what has not finished is told and left out."""
+    """Read the runs; unfinished ones are reported and left out."""
     del quick  # nothing is run
     rows = [one for name in CASES if (one := _case(RUNS / name)) is not None]
     thickness = {row["case"]: row["thickness"] for row in rows}
     for row in rows:
         base = thickness.get(BASE.get(row["case"], "reference"))
         row["thicker"] = None if base is None else 100.0 * (row["thickness"] / base - 1.0)
-        if row["case"] == "warm_edges":  # it begins elsewhere
+        if row["case"] == "warm_edges":  # it has another start temperature
             row["thicker"] = None
     if rows:
         output.csv("slab_defects", rows)
@@ -52,7 +52,7 @@ def main(output: Output, quick: bool) -> None:
 
 
 def _imposed(folder: Path) -> dict[str, Any]:
-    """How far a neutral axis on the faces stretches the strand, %, and the largest force, kN."""
+    """Return stretch of the strand by a neutral axis on the faces, %, and largest force, kN."""
     summary = _finished(folder)
     if summary is None:
         return {}
@@ -62,8 +62,8 @@ def _imposed(folder: Path) -> dict[str, Any]:
     near = stations.nearest(float(history["position"].iloc[at]))
     assert near is not None and history.attrs["units"]["axial_force"] == "kN"
     stretched = 100.0 * summary.quantities["axial_strain"].value
-    whole = 2.0 * force[at]  # what is run is half the slab
-    return {"case": folder.name, "stretched": stretched, "force": whole, "roll": near + 1}
+    total = 2.0 * force[at]  # the run is that of half the slab
+    return {"case": folder.name, "stretched": stretched, "force": total, "roll": near + 1}
 
 
 def _stations(folder: Path) -> Stations:
@@ -79,7 +79,7 @@ def _finished(folder: Path) -> Summary | None:
 
 
 def _case(folder: Path) -> dict[str, Any] | None:
-    """What comes out of one run, with the thesis' values."""
+    """Return the results of one run and the thesis' values; None if it has not finished."""
     summary = _finished(folder)
     if summary is None:
         return None
@@ -91,13 +91,13 @@ def _case(folder: Path) -> dict[str, Any] | None:
         for index, share in SHARES.items():
             name = f"{phase}_{index}_max"
             row[f"{phase}_{index}"] = share * summary.quantities[name].value
-            told = thesis.get(name)
-            row[f"{phase}_{index}_thesis"] = None if told is None else share * told
+            theirs = thesis.get(name)
+            row[f"{phase}_{index}_thesis"] = None if theirs is None else share * theirs
         row |= _worst(maps, stations, phase)
     for index, share in SHARES.items():
-        told = thesis.get(f"way_{index}_max")
+        theirs = thesis.get(f"way_{index}_max")
         row[f"way_{index}"] = share * summary.quantities[f"way_{index}_max"].value
-        row[f"way_{index}_thesis"] = None if told is None else share * told
+        row[f"way_{index}_thesis"] = None if theirs is None else share * theirs
     row |= _between(maps, stations, DEFECT)
     row["thickness"] = summary.quantities["slice_thickness_centre"].value
     row |= _corners(history, stations)
@@ -105,7 +105,7 @@ def _case(folder: Path) -> dict[str, Any] | None:
 
 
 def _worst(maps: SurfaceMaps, stations: Stations, phase: str) -> dict[str, Any]:
-    """Where I1 is largest in a phase: face, roll, how far from the corner, how warm."""
+    """Return where I1 is largest in a phase: position on the surface, roll, temperature, degC."""
     line = maps.heading.line
     rows = np.flatnonzero([stations.phase(float(p)) == phase for p in maps.position])
     values = maps["I1"][rows]
@@ -121,14 +121,14 @@ def _worst(maps: SurfaceMaps, stations: Stations, phase: str) -> dict[str, Any]:
 
 
 def _rows_between(maps: SurfaceMaps, stations: Stations, rolls: tuple[int, int]) -> Any:
-    """Rows of the maps between two rolls, counted from 1."""
+    """Return a mask of the rows of the maps between two rolls, counted from 1."""
     assert stations.rolls is not None
     low, high = (stations.rolls.pairs[roll - 1].position for roll in rolls)
     return (maps.position > low + _SLACK) & (maps.position < high + _SLACK)
 
 
 def _between(maps: SurfaceMaps, stations: Stations, rolls: tuple[int, int]) -> dict[str, float]:
-    """Largest indexes of each wide face between two rolls."""
+    """Return the largest indexes of each wide face between two rolls."""
     line, rows = maps.heading.line, _rows_between(maps, stations, rolls)
     found = {}
     for face in FACES:
@@ -140,7 +140,7 @@ def _between(maps: SurfaceMaps, stations: Stations, rolls: tuple[int, int]) -> d
 
 
 def _surface(maps: SurfaceMaps, stations: Stations) -> dict[str, float]:
-    """Mean temperatures between #47 and #52, and the share of the wide faces within the band."""
+    """Return mean temperatures from #47 to #52 and the share of wide faces within the band."""
     line, rows = maps.heading.line, _rows_between(maps, stations, SPRAYED)
     low, high = maps.heading.band
     found = {}
@@ -154,9 +154,9 @@ def _surface(maps: SurfaceMaps, stations: Stations) -> dict[str, float]:
 
 
 def _corners(history: pd.DataFrame, stations: Stations) -> dict[str, float]:
-    """Largest axial stress of the stretched corner in bending, around #48 and in straightening.
+    """Return largest axial stresses of the stretched corner: bending, near #48, straightening.
 
-    Whatever its temperature, which stands beside it where the index does not count below 800 degC.
+    The stress is taken at any temperature, unlike the index, and its temperature is returned.
     """
     assert stations.rolls is not None
     position, pairs = history["position"].to_numpy(), stations.rolls.pairs
@@ -177,7 +177,7 @@ def _corners(history: pd.DataFrame, stations: Stations) -> dict[str, float]:
 
 
 def _effort(history: pd.DataFrame, stations: Stations) -> dict[str, Any]:
-    """The largest effort in the strand, kN, and the roll at which it is."""
+    """Return the largest axial effort in the strand, kN, and its roll."""
     at = int(history["effort"].to_numpy().argmax())
     near = stations.nearest(float(history["position"].iloc[at]))
     assert near is not None
@@ -187,15 +187,15 @@ def _effort(history: pd.DataFrame, stations: Stations) -> dict[str, Any]:
 
 
 def show(output: Output) -> None:
-    """The tables, from the data."""
+    """Write the tables from the data."""
     rows = [row | {"case": CASES[row["case"]]} for row in output.rows("slab_defects")]
     head = {"case": "largest in the band (thesis)"}
-    beside: dict[str, str] = {}
+    indexes: dict[str, str] = {}
     for phase in ("bending", "straightening"):
-        beside |= {f"{phase}_I1": f"{phase}, I1, MPa", f"{phase}_I2": f"{phase}, I2, 1e-5 1/s"}
-    beside |= {"way_I1": "anywhere, I1, MPa", "way_I2": "anywhere, I2, 1e-5 1/s"}
-    told = [row | {name: _beside(row, name) for name in beside} for row in rows]
-    output.table("slab defects", told, head | beside)
+        indexes |= {f"{phase}_I1": f"{phase}, I1, MPa", f"{phase}_I2": f"{phase}, I2, 1e-5 1/s"}
+    indexes |= {"way_I1": "anywhere, I1, MPa", "way_I2": "anywhere, I2, 1e-5 1/s"}
+    lines = [row | {name: _beside(row, name) for name in indexes} for row in rows]
+    output.table("slab defects", lines, head | indexes)
     places: Columns = {
         "case": "", "straightening_place": "worst place of straightening (I1)",
         "straightening_roll": "at roll", "straightening_warm": ("its temperature, °C", ".0f"),
@@ -222,6 +222,6 @@ def show(output: Output) -> None:
 
 
 def _beside(row: dict[str, Any], name: str) -> str:
-    """A value with the thesis' in brackets, where it tells one."""
-    told = row[f"{name}_thesis"]
-    return f"{row[name]:.1f}" + ("" if told is None else f" ({told:.1f})")
+    """Return a value as text, followed by that of the thesis in brackets if it has one."""
+    theirs = row[f"{name}_thesis"]
+    return f"{row[name]:.1f}" + ("" if theirs is None else f" ({theirs:.1f})")

@@ -1,6 +1,6 @@
-"""Whether the error that `castfem error` states is the error: against runs that are much finer.
+"""Errors stated by `castfem error` compared with differences from much finer runs.
 
-Writes tables of docs/accuracy.md. Runs that are finished in results/stated_error are not run again.
+Writes tables of docs/accuracy.md. Finished runs in results/stated_error are not repeated.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from castfem.studies.sweep.workers import Workers
 
 COARSE = ("mesh.surface_size=1.6 mm", "mesh.corner_size=1.6 mm", "mesh.face_size=12 mm",
           "mesh.core_size=16 mm", "coupling.interval=0.2 s")  # fmt: skip
-"""Cells and windows twice as large as shipped: where meshes are far from converging."""
+"""Cells and windows twice as large as shipped, on which results are far from converged."""
 FOLDER = ROOT / "results" / "stated_error"
-FINER = 0.4  # of the cells, the steps and the windows
+FINER = 0.4  # factor on cells, steps and windows
 QUIET = ("output.fields=[]", "output.figures=false")
 DIGITS = {"degC": 0.1, "K": 0.1, "mm": 0.01}
-"""The last one printed, by unit; of others the fourth that counts."""
-MOST = 10.0  # how many times the error that is found may be stated
+"""Last digit printed, by unit; for other units the fourth significant digit."""
+MOST = 10.0  # largest acceptable ratio of the stated error to the error found
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A case whose stated errors are tried."""
+    """A case whose stated errors are tested."""
 
-    path: Path  #: of the case
-    changes: tuple[str, ...] = ()  #: what is changed of it
-    known: str = ""  #: its mould, where `billet_error` has run the finer one; "" to run one here
+    path: Path  #: path of the case
+    changes: tuple[str, ...] = ()  #: changed keys
+    mould: str = ""  #: mould whose finer run `billet_error` has done; "" to do that run here
 
 
 BLANK = ROOT / "benchmarks" / "beam_blank.toml"
@@ -67,26 +67,27 @@ SHORT = Scene(
     ("casting.length=40 mm", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm",
      "mesh.face_size=15 mm", "mesh.core_size=20 mm"),
 )  # fmt: skip
-"""What `--quick` tries."""
+"""Case of `--quick`."""
 
 
 def finer(case: Case) -> Level:
-    """All sizes of a case at once, much finer than on its ladder."""
+    """Return the run with all sizes much finer than on the ladder of a case."""
     small = dict.fromkeys(axes_of(case), FINER)
     return Level("finer", "finer", FINER, case.with_(changes(case, small)))
 
 
 def measure(name: str, scene: Scene, folder: Path) -> list[dict[str, Any]]:
-    """Ladder and finer run of a scene; a row a headline number."""
+    """Do ladder and finer run of a scene; return a row for each headline number."""
     case = load_case(scene.path, (*scene.changes, *QUIET))
     rungs = levels(case)
-    found = run_all(name, rungs if scene.known else (*rungs, finer(case)), folder).table()
-    truth = _known(scene.known) if scene.known else _values(folder / "finer")
-    return [_row(name, found, truth, number) for number in main_names(found) if number in truth]
+    found = run_all(name, rungs if scene.mould else (*rungs, finer(case)), folder).table()
+    truth = _from_billet_error(scene.mould) if scene.mould else _values(folder / "finer")
+    names = [number for number in main_names(found.quantities) if number in truth]
+    return [_row(name, found, truth, number) for number in names]
 
 
 def run_all(name: str, rungs: Sequence[Level], folder: Path) -> Ladder:
-    """Do the runs that are not finished in their folder."""
+    """Do the runs that have not finished in their folder; return the ladder."""
     ladder = prepare(rungs, folder)
 
     def noted(job: Job, outcome: Outcome) -> None:
@@ -104,15 +105,15 @@ def _values(folder: Path) -> dict[str, float]:
     return {} if summary is None else {n: q.shown for n, q in summary.quantities.items()}
 
 
-def _known(mould: str) -> dict[str, float]:
-    """The numbers of the finer run of `billet_error`: cells of 0.35 mm, windows of 0.05 s."""
+def _from_billet_error(mould: str) -> dict[str, float]:
+    """Return the results of the finer run of `billet_error`: cells 0.35 mm, windows 0.05 s."""
     rows = Output(PAGE.parent).rows("billet_error")
     row = next(r for r in rows if (r["mould"], r["run"]) == (mould, "finer"))
     return {name: value for name, value in row.items() if isinstance(value, float)}
 
 
 def _row(scene: str, found: ErrorTable, truth: Mapping[str, float], name: str) -> dict[str, Any]:
-    """What is stated of a number, and what it is."""
+    """Return a number with its stated error and its error against the finer run."""
     entry = found.quantities[name]
     parts: dict[str, Any] = {}
     for axis in AXES:
@@ -126,7 +127,7 @@ def _row(scene: str, found: ErrorTable, truth: Mapping[str, float], name: str) -
 
 
 def main(output: Output, quick: bool) -> None:
-    """Every scene; what is known is written after each."""
+    """Run every scene; write the results after each."""
     rows: list[dict[str, Any]] = []
     scenes = {"billet, short": SHORT} if quick else SCENES
     for name, scene in scenes.items():
@@ -142,7 +143,7 @@ def _safe(name: str) -> str:
 
 
 def show(output: Output) -> None:
-    """How often the stated error holds, by scene; and the numbers of which it does not."""
+    """Write how often the stated error holds by scene, and the numbers for which it does not."""
     head: Columns = {
         "case": "case", "numbers": "numbers", "within": "within what is stated",
         "large": "stated more than 10 times too large", "seen": "of these, in the digits printed",
@@ -152,20 +153,20 @@ def show(output: Output) -> None:
     wrong = [
         {"what": f"{r['scene']}: {r['what']} [{r['unit']}]",
          **{key: f"{r[key]:.4g}" for key in ("value", "stated", "found")}}
-        for r in _known_rows(output) if r["stated"] < r["found"]
+        for r in _compared_rows(output) if r["stated"] < r["found"]
     ]  # fmt: skip
     words = {"what": "number", "value": "castfem", "stated": "stated", "found": "found"}
     output.insert("stated error missed", table(wrong, words, {}))  # there may be none
 
 
-def _known_rows(output: Output) -> list[dict[str, Any]]:
-    """Numbers that have an error, and one that was found."""
+def _compared_rows(output: Output) -> list[dict[str, Any]]:
+    """Return the numbers with a stated error and an error found that are not zero."""
     return [r for r in output.rows("stated_error") if r["stated"] and r["found"]]
 
 
 def _count(output: Output) -> None:
-    """Write how often the stated error holds, of each case and of all together."""
-    rows = _known_rows(output)
+    """Write how often the stated error holds, for each case and for all together."""
+    rows = _compared_rows(output)
     scenes = dict.fromkeys(r["scene"] for r in rows)
     lines = [_line(scene, [r for r in rows if r["scene"] == scene]) for scene in scenes]
     output.csv("stated_error_cases", [*lines, _line("together", rows)])
@@ -182,5 +183,5 @@ def _line(scene: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _printed(row: Mapping[str, Any]) -> float:
-    """Half of the last digit that `castfem show` prints of a number."""
+    """Return half of the last digit that `castfem show` prints of a number."""
     return 0.5 * DIGITS.get(row["unit"], 1e-3 * abs(row["value"]))

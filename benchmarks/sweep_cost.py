@@ -1,11 +1,9 @@
-"""What a sweep costs besides its marches: imports, set-up, the first run, the parent, figures.
+"""Cost of a sweep besides its time loops: imports, set-up, first run, parent process, figures.
 
-Writes a table of docs/scripting.md. A worker of `castfem sweep` is followed run by run by the time
-of its processor, which other programs on the machine leave alone, and the whole command is held
-against the sum. Compiled forms and meshes lie in a cache of their own, as of a user who runs this
-case alone.
-How much sooner two runs at once are done is told by the clock on the wall: it means
-something on a machine with two free cores alone; the load stands beside it.
+Writes a table of docs/scripting.md. The processor time of a worker of `castfem sweep` is measured
+run by run, and the sum is compared with the time of the command. Compiled forms and meshes are in a
+cache of their own, as for a user with only this case. The gain of two runs at once is measured in
+wall time, which is meaningful only on a machine with two free cores; the load is recorded with it.
 
     python -m benchmarks throughput
 """
@@ -37,7 +35,7 @@ PARTS = {
 
 
 def coarse() -> list[str]:
-    """Assignments of `--accuracy coarse`."""
+    """Return the assignments of `--accuracy coarse`."""
     from castfem.model import load_case, shipped_cases
     from castfem.studies.accuracy.sizes import changes, factors_of
 
@@ -46,27 +44,27 @@ def coarse() -> list[str]:
 
 
 def tapers(count: int) -> list[str]:
-    """Tapers from 0.8 to 1.2 %/m."""
+    """Return `count` tapers from 0.8 to 1.2 %/m."""
     return [f"{0.8 + 0.4 * i / (count - 1):.4g} %/m" for i in range(count)]
 
 
 def follow(count: int) -> dict[str, float]:
-    """Do runs as a worker does; processor time of its parts, s (in a process of its own)."""
+    """Do runs like a worker, in a process of its own; return processor times by part, s."""
     from castfem.model import load_case, shipped_cases
     from castfem.post.plots.figures import draw_figures
     from castfem.runs.loop import TimeLoop
     from castfem.studies.sweep.work import Job, work
 
-    begun, march = process_time(), [0.0]
+    begun, loops = process_time(), [0.0]
     run = TimeLoop.run
 
     def timed(loop: TimeLoop) -> None:
         start = process_time()
         run(loop)
-        march.append(process_time() - start)
+        loops.append(process_time() - start)
 
     TimeLoop.run = timed  # type: ignore[method-assign]
-    beside, sizes, path = [], coarse(), shipped_cases.find(CASE)
+    other, sizes, path = [], coarse(), shipped_cases.find(CASE)
     with tempfile.TemporaryDirectory() as home:
         for name in tapers(count):
             case = load_case(path, [*sizes, f"mould.taper={name}"])
@@ -74,39 +72,39 @@ def follow(count: int) -> dict[str, float]:
             start = process_time()
             outcome = work(Job(name, folder, case))
             assert not outcome.failed, outcome.message
-            if not beside:
+            if not other:
                 gc.freeze()
-            beside.append(process_time() - start - march[-1])
+            other.append(process_time() - start - loops[-1])
         start = process_time()
         draw_figures(folder)
         drawn = process_time() - start
     return {
-        "march": mean(march[1:]), "each": mean(beside[1:]), "first": beside[0] - mean(beside[1:]),
+        "march": mean(loops[1:]), "each": mean(other[1:]), "first": other[0] - mean(other[1:]),
         "imports": begun, "figures": drawn,
     }  # fmt: skip
 
 
 def on_coarse(command: str, *words: str, cache: str) -> float:
-    """Processor time of a command of castfem on the coarse case, s."""
+    """Return the processor time of a castfem command on the coarse case, s."""
     sizes = [word for assignment in coarse() for word in ("--set", assignment)]
     return castfem(command, CASE, *sizes, *words, environment={"XDG_CACHE_HOME": cache}).processor
 
 
 def sweep(count: int, folder: Path, cache: str) -> float:
-    """Processor time of a whole sweep, s."""
+    """Return the processor time of a whole sweep, s."""
     values = "mould.taper=" + ",".join(tapers(count))
     return on_coarse("sweep", "-j", str(WORKERS), "--set", values, "-o", str(folder), cache=cache)
 
 
 def measured(count: int, followed: int, cache: str) -> list[dict[str, Any]]:
-    """A row a part, of one sweep."""
+    """Measure one sweep; return a row for each part."""
     cached = {"XDG_CACHE_HOME": cache}
-    # Forms and meshes come from the cache from the second time on.
+    # The first launch fills the cache with forms and meshes, the second is measured.
     for runs in (2, followed):
         found = launch("benchmarks.sweep_cost", {"count": runs}, environment=cached)
     with tempfile.TemporaryDirectory() as home:
         whole = sweep(count, Path(home, "sweep"), cache)
-        found["parent"] = sweep(count, Path(home, "sweep"), cache)  # it finds all finished
+        found["parent"] = sweep(count, Path(home, "sweep"), cache)  # all its runs are finished
     times = {"march": count, "each": count, "first": WORKERS, "imports": WORKERS, "parent": 1}
     return [
         {"part": part, "each [s]": found[part], "times": times.get(part, 0), "whole [s]": whole}
@@ -115,7 +113,7 @@ def measured(count: int, followed: int, cache: str) -> list[dict[str, Any]]:
 
 
 def at_once(turns: int, cache: str) -> list[dict[str, Any]]:
-    """Wall time of two coupled billets, one after the other and at once, by turns."""
+    """Measure wall time of two coupled billets, alternately one after the other and at once."""
     rows = []
     for turn in range(turns):
         for together in (False, True):
@@ -133,7 +131,7 @@ def at_once(turns: int, cache: str) -> list[dict[str, Any]]:
 
 
 def show(output: Output) -> None:
-    """Make the table anew."""
+    """Write the table from the data."""
     rows, pairs = output.rows("sweep_cost"), output.rows("sweep_at_once")
     if not rows:
         return
@@ -164,7 +162,7 @@ def show(output: Output) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Measure, and write data and table."""
+    """Measure a sweep and two runs at once; write data and table."""
     with tempfile.TemporaryDirectory() as cache:
         rows = measured(*((4, 3) if quick else (RUNS, FOLLOWED)), cache)
         output.csv("sweep_cost", rows)

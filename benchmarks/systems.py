@@ -1,8 +1,8 @@
-"""castfem from nothing on plain systems: time to the first result, size on disk, same results?
+"""Installation on plain systems: time to the first result, size on disk, difference of results.
 
 Writes a table of docs/environment.md. Each system starts from a copy of the checkout in a folder of
-its own, with an empty home and empty caches. It needs a network, root, 8 GB, half an hour and a
-Python of the machine itself, not of a userland (`make SOLVER=wheel env`).
+its own, with an empty home and empty caches. The benchmark needs a network, root, 8 GB, half an
+hour and a Python of the machine itself, not of a userland (`make SOLVER=wheel env`).
 
     .castfem/wheel/bin/python -m benchmarks systems
 """
@@ -27,7 +27,7 @@ from castfem.runs.output.history import read_history
 FIRST = "billet125/taper_1"
 CASES = {"billet": FIRST, "slab": "slab1200/slab"}
 DIAGNOSTICS = {"step", "newton", "newton_mechanics", "energy_error", "force_error", "penetration"}
-"""Columns of a history that tell how it was solved, not what."""
+"""Columns of a history about the solution process, not about results."""
 PYTHONS = ("3.12", "3.13")
 VERSIONS = """
 import sys, castfem, dolfinx, petsc4py, numpy
@@ -44,11 +44,11 @@ COLUMNS = {
     "slab": ("slab, largest difference", ".0e"),
 }
 Step = Callable[[str], str]
-"""Runs a line of shell on the system, in the checkout; returns what it printed."""
+"""Function that runs a shell command in the checkout on a system and returns its output."""
 
 
 def plain(folder: Path) -> Step:
-    """Return what runs a line on this machine with an empty home in `folder`."""
+    """Return a function that runs commands on this machine with an empty home in `folder`."""
     kept = {name: os.environ[name] for name in ("LANG", "http_proxy") if name in os.environ}
     path = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
     home = folder / "home"
@@ -59,7 +59,7 @@ def plain(folder: Path) -> Step:
 
 
 def debian_13(folder: Path) -> Step:
-    """Return what runs a line as root of a Debian 13 that is made anew below `folder`."""
+    """Return a function that runs commands as root of a new Debian 13 below `folder`."""
     root = folder / "root"
     words = ["--variant=apt", "--include=ca-certificates", "trixie", str(root)]
     subprocess.run(["mmdebstrap", "--quiet", *words], check=True)
@@ -79,7 +79,7 @@ def _shell(words: Sequence[str], folder: Path, environment: Mapping[str, str]) -
 
 
 def measured(system: str, commands: Sequence[str], castfem: str, step: Step, here: Path) -> Any:
-    """Set a system up and run the cases there; return its row, without differences."""
+    """Set a system up and run the cases on it; return its row without differences."""
     start = perf_counter()
     for line in commands:
         step(line)
@@ -98,7 +98,7 @@ def measured(system: str, commands: Sequence[str], castfem: str, step: Step, her
 
 
 def named(command: str) -> str:
-    """A command as a user would type it, without the folder of a Python."""
+    """Return a command without the folder of a Python."""
     return re.sub(r"\S*/(\d\.\d+)[.\d]*/bin/python3", r"python\1", command)
 
 
@@ -108,7 +108,7 @@ def _size(folder: Path) -> int:
 
 
 def difference(run: Path, other: Path) -> float:
-    """Largest difference of a column of two histories, in units of its largest value."""
+    """Return the largest difference of two histories, relative to the largest of a column."""
     a, b = read_history(run / "history.csv"), read_history(other / "history.csv")
     worst = 0.0
     for name in set(a.columns) - DIAGNOSTICS:
@@ -121,7 +121,7 @@ def difference(run: Path, other: Path) -> float:
 
 
 def systems(pythons: Mapping[str, str]) -> dict[str, tuple[Callable[[Path], Step], list[str], str]]:
-    """Of each system: what makes it, the commands, and where programs lie then."""
+    """Return function, commands and folder of the programs of each system."""
     pip = {
         f"venv of Python {version}": (
             plain,
@@ -147,12 +147,12 @@ def systems(pythons: Mapping[str, str]) -> dict[str, tuple[Callable[[Path], Step
 
 
 def main(output: Output, quick: bool) -> None:
-    """All systems, one after the other."""
-    found = {version: _python(version) for version in PYTHONS}
+    """Install and run all systems, one after the other."""
+    pythons = {version: _python(version) for version in PYTHONS}
     rows = []
     with tempfile.TemporaryDirectory() as temporary:
         for number, (name, (make, commands, castfem)) in enumerate(
-            systems({v: python for v, python in found.items() if python}).items()
+            systems({v: python for v, python in pythons.items() if python}).items()
         ):
             here = Path(temporary, str(number))
             here.mkdir()
@@ -173,12 +173,12 @@ def main(output: Output, quick: bool) -> None:
 
 
 def _python(version: str) -> str | None:
-    """A Python of that version: the latest of pyenv, else the one on the path."""
+    """Return a Python of a version: the latest of pyenv, else the one on the path."""
     found = sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/python3"))
     return str(found[-1]) if found else shutil.which(f"python{version}")
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """Write the table from the data."""
     rows = [row | {"commands": f"`{row['commands']}`"} for row in output.rows("systems")]
     output.table("systems", rows, COLUMNS)

@@ -1,7 +1,7 @@
 """The five tensile tests of the thesis (III.2.6, Figs 58-62) on the modified Norton-Hoff law.
 
-The thesis prints no numbers for them; the material here is of the size of austenite at 1100 degC.
-The analytical answer of each test is the elastic line to where it meets the curve (163), then that.
+The thesis has no numbers for them; the parameters here are typical of austenite at 1100 degC.
+The analytical curve of each test is the elastic line up to its intersection with (163), then (163).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -37,26 +37,26 @@ RATE, LENGTH = 1e-3, 0.012  # 1/s, strain at the end
 class TensileTest:
     """A tensile test by segments of constant strain rate."""
 
-    figure: int  #: of the thesis
-    title: str  #: what it shows
-    p1: float  #: softening
-    #: strain rate in 1/s and strain at the end, one after another from 0
+    figure: int  #: number of the figure in the thesis
+    title: str  #: title of the figure
+    p1: float  #: softening parameter
+    #: strain rate in 1/s and strain at the end of each segment, from strain 0
     segments: tuple[tuple[float, float], ...]
 
     @property
     def rates(self) -> tuple[float, ...]:
-        """Rates of loading, each once."""
+        """Distinct strain rates of loading, 1/s."""
         return tuple(dict.fromkeys(rate for rate, _ in self.segments if rate > 0.0))
 
     def law(self) -> NortonHoff:
-        """The material."""
+        """Return the constitutive law of the test."""
         return NortonHoff(
             Elasticity.constant(YOUNG, POISSON),
             Constant(STRENGTH), Constant(self.p1), Constant(P3), Constant(P4),
         )  # fmt: skip
 
     def history(self, steps: int) -> tuple[Array, Array]:
-        """Times in s and axial strains, with `steps` steps a segment."""
+        """Return times in s and axial strains, with `steps` steps per segment."""
         time: list[Array] = [np.zeros(1)]
         strain: list[Array] = [np.zeros(1)]
         for rate, end in self.segments:
@@ -67,11 +67,11 @@ class TensileTest:
         return np.concatenate(time), np.concatenate(strain)
 
     def run(self, steps: int = 200) -> Tension:
-        """Run it through the law."""
+        """Integrate the law over the test."""
         return pull(self.law(), *self.history(steps), TEMPERATURE)
 
     def curve(self, strain: npt.ArrayLike, rate: float) -> Array:
-        """Stress in Pa of loading from zero at a constant rate: elastic line, then (163)."""
+        """Return the stress in Pa of loading at a constant rate: elastic line, then (163)."""
         onset, _ = yield_limit(YOUNG, rate, STRENGTH, self.p1, P3, P4)
         e = np.asarray(strain, float)
         flow = modified_norton_hoff(np.maximum(e, onset), rate, STRENGTH, self.p1, P3, P4)

@@ -32,7 +32,7 @@ SHOWN = {
 
 
 def run(name: str, length: str, tolerance: float) -> dict[str, Any]:
-    """Run a case: its results, Newton iterations of the mechanics, and processor time, s."""
+    """Run a case; return its results, Newton iterations of the mechanics and processor time, s."""
     keys = (
         "output.fields=[]", "output.figures=false", "output.checkpoint_every=0",
         f'casting.length="{length}"', f"mechanics.tolerance={tolerance}",
@@ -43,14 +43,14 @@ def run(name: str, length: str, tolerance: float) -> dict[str, Any]:
         summary = loop.run(case, folder, comm=MPI.COMM_SELF)
         seconds = process_time() - start
     found = {key: summary.quantities.get(name) for key, name in SHOWN.items()}
-    values = {key: None if one is None else one.value for key, one in found.items()}
+    values = {key: None if q is None else q.value for key, q in found.items()}
     return values | {
         "newton": summary.steps["Newton iterations, mechanics"], "seconds": seconds,
     }  # fmt: skip
 
 
 def main(output: Output, quick: bool) -> None:
-    """All tolerances, those of a case one after the other."""
+    """Run all cases with all tolerances; write data and table."""
     rows = []
     for name, length in list(CASES.items())[: 1 if quick else None]:
         length = "60 mm" if quick else length
@@ -62,19 +62,19 @@ def main(output: Output, quick: bool) -> None:
                          "newton": found["newton"], "seconds": found["seconds"]})  # fmt: skip
             print(f"  {rows[-1]}", flush=True)
     for row in rows:
-        first = next(one for one in rows if one["case"] == row["case"])
+        first = next(r for r in rows if r["case"] == row["case"])
         row["time"] = row["seconds"] / first["seconds"]
     output.csv("tolerance", rows)
     show(output)
 
 
 def _error(value: float | None, exact: float | None) -> float | None:
-    """Relative difference; None where there is nothing, or nothing but zero."""
+    """Return the relative error; None without a value, or if the exact value is zero."""
     return None if value is None or not exact else abs(value / exact - 1.0)
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """Write the table from the data."""
     head = {
         "case": "case", "tolerance": ("tolerance", "g"), "newton": "Newton iterations",
         "time": ("time, of that at 1e-8", ".2f"), "heat": ("error: heat", ".0e"),

@@ -1,4 +1,4 @@
-"""The shipped cases with a closed form, run as they are: how far off they end.
+"""Errors of the shipped cases that have a closed-form solution.
 
 Writes the table of docs/verification.md.
 """
@@ -26,7 +26,7 @@ FORMS = {"error_temperature": ".3g", "error_temperature_max": ".3g", "error_stre
 
 
 def row_of(name: str, summary: Summary) -> dict[str, Any]:
-    """Errors of a finished run in the units of the table; None where it has no such number."""
+    """Return errors of a finished run in the units of the table; None for missing numbers."""
     found = {n: q.shown for n, q in summary.quantities.items()}
     off = {c.reference.quantity: c.shown_difference for c in summary.references}
     return {"case": name, **{key: off.get(key, found.get(key)) for key in SHOWN}} | {
@@ -35,14 +35,14 @@ def row_of(name: str, summary: Summary) -> dict[str, Any]:
 
 
 def case_of(name: str) -> castfem.Case:
-    """The case of a row: a shipped file as it is, or the first part of one."""
+    """Return the case of a row: a shipped case, or its first part."""
     file, length = BEGUN.get(name, (name, None))
     case = castfem.load(CASES / f"{file}.toml")
     return case if length is None else case.with_({"casting.length": length})
 
 
 def main(output: Output, quick: bool) -> None:
-    """Run them all."""
+    """Run all cases; write data and table."""
     rows = []
     for name in NAMES[::2] if quick else (*NAMES, *BEGUN):
         case = case_of(name).with_(fields=[])
@@ -56,13 +56,13 @@ def main(output: Output, quick: bool) -> None:
 
 
 def _parted(name: str) -> tuple[str, str]:
-    """The file of a row, and what is said of it."""
+    """Split the name of a row into its file and the remainder."""
     file, comma, length = name.partition(",")
     return file, comma + length
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """Write the table from the data."""
     rows = output.rows("verification")
     shown = [row | {"case": "`verification/{}`{}".format(*_parted(row["case"]))} for row in rows]
     forms = {key: FORMS.get(key, "+.2g") for key in SHOWN}

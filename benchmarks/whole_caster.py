@@ -1,7 +1,7 @@
-"""What a whole caster takes, against as many separate runs of its slices, and where its pool ends.
+"""Cost of a whole caster compared with separate runs of its slices, and the end of its pool.
 
-Writes a table and the numbers of docs/caster.md. Times are those of the processor, which other work
-on the machine counts little in.
+Writes a table and the numbers of docs/caster.md. Times are processor times, on which other work on
+the machine has little effect.
 
     python -m benchmarks whole_caster
 """
@@ -30,33 +30,33 @@ from castfem.runs.output.run_record import RunRecord
 from castfem.studies.accuracy.sizes import assignments
 
 SHORT = {"casting.length": "12 m", "caster.end": "600 s"}
-"""Of the case, by which ranks are measured."""
+"""Changes to the case with which ranks are measured."""
 CASE, LADLE = "slab1200/ladle_change", "ladle change"
 SPEEDS: dict[str, Any] = {
     "time": ["0 min", "12 min", "13 min", "20 min", "21 min", "60 min"],
     "speed": [f"{speed} m/min" for speed in (1.2, 1.2, 0.8, 0.8, 1.2, 1.2)],
 }
-"""Of the plant: two changes of speed within an hour, and nothing else."""
+"""Plant data with two changes of speed within an hour."""
 TWICE: dict[str, Any] = {"caster.plant": SPEEDS, "caster.every": "26.4 s"}
 HISTORIES: dict[str, dict[str, Any]] = {
     LADLE: {},
     "two changes of speed": TWICE | {"caster.spacing": "13.2 s"},
     "likewise, to 16 min": TWICE | {"caster.spacing": "4.4 s", "caster.end": "16 min"},
 }
-"""Of the plant, by the changes to the case."""
+"""Changes to the case by history of the plant."""
 SEPARATE = {LADLE: (30, 50, 70), "two changes of speed": (90, 170, 250)}
-"""The slices that are run by themselves as well, by history."""
+"""Slices that are also run separately, by history."""
 
 
 def coarse() -> Case:
-    """The case at `--accuracy coarse`."""
+    """Return the case at `--accuracy coarse`."""
     path = shipped_cases.find(CASE)
-    own = load_case(path)
-    return load_case(path, [*assignments(own, "coarse"), f"title={own.title}"])
+    case = load_case(path)
+    return load_case(path, [*assignments(case, "coarse"), f"title={case.title}"])
 
 
 def together(history: str, case: Case, home: Path) -> dict[str, Any]:
-    """The caster in one process."""
+    """Run the caster in one process; return times and results."""
     folder, path = home / history.replace(" ", "_"), home / "case.toml"
     path.write_text(case.resolved_toml(), encoding="utf-8")
     spent = castfem("caster", str(path), "-o", str(folder), "--no-figures")
@@ -65,46 +65,48 @@ def together(history: str, case: Case, home: Path) -> dict[str, Any]:
 
 
 def read(case: Case, folder: Path) -> dict[str, Any]:
-    """What its files tell."""
+    """Read the results of a caster from its files."""
     numbers, _, _ = read_table(folder / "caster.csv")
     time, pool = numbers["time"], numbers["metallurgical_length"]
     assert case.caster is not None
     start, end = case.caster.window
-    seen = np.flatnonzero(np.isfinite(pool))  # of a short machine its end is never within
-    least = int(seen[np.argmin(pool[seen])]) if seen.size else 0
+    finite = np.flatnonzero(np.isfinite(pool))  # empty if the pool ends below a short machine
+    least = int(finite[np.argmin(pool[finite])]) if finite.size else 0
     return {
         "slices": len(starts_of(case)), "at once": int(numbers["slices"].max()),
         "clock [s]": end - start, "followed [s]": sum(followed(case)),
         "memory [MB]": RunRecord.load(folder).memory_mb,
         "pool at first [m]": pool[0], "pool shortest [m]": pool[least],
         "shortest at [min]": time[least] / 60.0, "pool at last [m]": pool[-1],
-        "pool longest [m]": float(pool[seen].max()) if seen.size else np.nan,
+        "pool longest [m]": float(pool[finite].max()) if finite.size else np.nan,
         "balance [-]": np.nanmax(np.abs(numbers["energy_error"])),
     }  # fmt: skip
 
 
-def alone(history: str, case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]]:
-    """Some of its slices, each by castfem run."""
+def separately(
+    history: str, case: Case, numbers: Sequence[int], home: Path
+) -> list[dict[str, Any]]:
+    """Run some slices of the caster, each by `castfem run`; return a row for each."""
     base, starts, rows = by_plant(case), starts_of(case), []
     for number in numbers:
-        one, path = slice_of(base, starts[number - 1]), home / f"{number}.toml"
-        path.write_text(one.resolved_toml(), encoding="utf-8")
+        single, path = slice_of(base, starts[number - 1]), home / f"{number}.toml"
+        path.write_text(single.resolved_toml(), encoding="utf-8")
         spent = castfem(
             "run", str(path), "-o", str(home / str(number)), "--set", "output.figures=false"
         )
         row = {"history": history, "slice": number, "processor [s]": spent.processor}
-        rows.append(row | {"followed [s]": one.casting.duration})
+        rows.append(row | {"followed [s]": single.casting.duration})
     return rows
 
 
 def by_ranks(case: Case, home: Path) -> list[dict[str, Any]]:
-    """Some ranks that share the slices: what each spends, waiting for the others included."""
+    """Run the slices on one rank and on two; times include waiting for the other rank."""
     path = home / "ranks.toml"
     path.write_text(case.resolved_toml(), encoding="utf-8")
     rows: list[dict[str, Any]] = []
     for ranks in (1, 2):
-        given = {"case": str(path), "folder": str(home / f"ranks_{ranks}")}
-        spent = launch("benchmarks.whole_caster", given, ranks)["spent"]
+        arguments = {"case": str(path), "folder": str(home / f"ranks_{ranks}")}
+        spent = launch("benchmarks.whole_caster", arguments, ranks)["spent"]
         rows.append(
             {"ranks": ranks, "slices": len(starts_of(case)), "busiest rank [s]": max(spent)}
         )
@@ -112,16 +114,16 @@ def by_ranks(case: Case, home: Path) -> list[dict[str, Any]]:
 
 
 def on_ranks() -> None:
-    """Follow a caster on the ranks of this run; tell `launch` what each has spent, s."""
-    given = argument()
-    run_caster(load_case(given["case"]), given["folder"])
+    """Run a caster on the ranks of this process; return processor times to `launch`, s."""
+    arguments = argument()
+    run_caster(load_case(arguments["case"]), arguments["folder"])
     spent = MPI.COMM_WORLD.gather(process_time())
     if spent is not None:
         answer({"spent": spent})
 
 
 def show(output: Output) -> None:
-    """Make the tables anew."""
+    """Write the tables from the data."""
     if shared := output.rows("whole_caster_ranks"):
         rows = [
             {**row, "faster": shared[0]["busiest rank [s]"] / row["busiest rank [s]"]}
@@ -135,7 +137,7 @@ def show(output: Output) -> None:
     found, single = output.rows("whole_caster"), output.rows("whole_caster_alone")
     if not (found and single):
         return
-    # Of all slices that were run by themselves: they cost the same whatever they have met.
+    # Mean of all separate slices, whose cost does not depend on the history of the plant.
     apart = sum(r["processor [s]"] for r in single) / sum(r["followed [s]"] for r in single)
     lines: list[Mapping[str, Any]] = [
         {
@@ -153,7 +155,7 @@ def show(output: Output) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Measure, and write data and table."""
+    """Run casters and slices; write data and tables."""
     case = coarse()
     shorter = case.with_(SHORT)
     cases = {name: case.with_(changes) for name, changes in HISTORIES.items()}
@@ -165,9 +167,9 @@ def main(output: Output, quick: bool) -> None:
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder)
         output.csv("whole_caster_ranks", by_ranks(shorter, home))
-        rows = [alone(name, cases[name], numbers, home) for name, numbers in single.items()]
+        rows = [separately(name, cases[name], numbers, home) for name, numbers in single.items()]
         output.csv("whole_caster_alone", list(chain.from_iterable(rows)))
-        output.csv("whole_caster", [together(name, one, home) for name, one in cases.items()])
+        output.csv("whole_caster", [together(name, c, home) for name, c in cases.items()])
         shown = strand_figure(home / LADLE.replace(" ", "_"), case.title, case.casting.length)
         output.figure("strand_over_time", shown)
     show(output)

@@ -283,7 +283,7 @@ def optimise(
             except Exception as raised:
                 error = raised
                 if comm.size > 1:
-                    comm.bcast(0)  # tells the other ranks that there are no runs
+                    comm.bcast(0)  # 0 means for the other ranks that there are no runs
             else:
                 try:
                     with team:
@@ -301,7 +301,7 @@ def optimise(
 class FoundSection:
     """Outline at the meniscus with which the strand has the wanted section further down."""
 
-    outline: Outline  #: at the meniscus: length round a quarter and offset from the rectangle, m
+    outline: Outline  #: outline at the meniscus: length along a quarter, offset from rectangle, m
     wall: WallDisplacement  #: wall that follows the strand all round and along the mould
     attempts: tuple[Attempt, ...]  #: the runs, each with the deviation of its section (`worst`), m
 
@@ -351,7 +351,7 @@ class MouldAtWork:
     """A mould in the cold and in the working condition."""
 
     cold: Mould  #: the cold mould; `cold.dimensions(z)` has its sizes at z, m
-    hot: Mould  #: the working mould, likewise
+    hot: Mould  #: the working mould; `hot.dimensions(z)` has its sizes at z, m
     displacement: WallDisplacement | None
     """From the case's sizes and taper to the working wall; None if the case gives that."""
     iterations: tuple[Turn, ...]

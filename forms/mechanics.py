@@ -106,7 +106,7 @@ def stiffness(tangent: Expr, change: Expr, virtual: Expr, dx_deviator: ufl.Measu
         tangent: Deviatoric part of the material's tangent (4, 4).
         change: Strain of the motion u.
         virtual: Strain of the virtual motion v.
-        dx_deviator: As in `virtual_work`.
+        dx_deviator: Area measure for the deviator.
     """
     return ufl.inner(tangent * change, virtual) * dx_deviator
 

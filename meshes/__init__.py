@@ -1,6 +1,6 @@
 """Meshes of cross-sections: billet, bloom, slab, round, beam blank, and a strip.
 
-numpy and gmsh only; gmsh is imported when unstructured triangles are asked for. Lengths in m.
+numpy and gmsh only; gmsh is imported when unstructured triangles are requested. Lengths in m.
 
     mesh = build("rectangle", width=0.125, height=0.125, corner_radius=0.005,
                  surface_size=0.0005, face_size=0.005, core_size=0.008)

@@ -2,7 +2,7 @@
 
 Every section has two planes of symmetry, so builders mesh a quarter (x >= 0, y >= 0). Here the
 quarter gets its boundary groups and its second-order nodes, is mirrored to a half or to the whole,
-and is refused if anything about it is wrong.
+and is checked.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from castfem.meshes.outline import Outline, Point
 from castfem.meshes.section_mesh import SectionMesh
 
 MULTIPLICITY = {"quarter": 4, "half": 2, "whole": 1}
-"""How many times the modelled part makes up the whole, by name of the symmetry."""
+"""Number of modelled parts in the whole section, by name of the symmetry."""
 
 SMALLEST_SCALED_JACOBIAN = 0.05
 """A cell below this (angles within 3 degrees of 0 or 180) is degenerate."""
 
 _ON_CHORD = 1e-9
-"""Of its length, and of the section: how near the start of a probe lies to what it lies on."""
+"""Tolerance for points on a line, relative to its length or to the size of the section."""
 
 # Vertices joined by the sides in the order of DOLFINx' second-order nodes.
 _MIDDLE_ENDS = {
@@ -156,7 +156,7 @@ def _on_chords(
     outline: Outline,
     piece: np.ndarray,
 ) -> dict[str, Probe]:
-    """Let probes that begin on an arc begin on the straight facets that stand for it."""
+    """Move starts of probes from an arc to the straight facets that approximate it."""
     found = dict(probes)
     for name, probe in probes.items():
         start, end = np.array(probe.start), np.array(probe.end)

@@ -41,7 +41,7 @@ def beam_blank(
         height: Height of the flanges from tip to tip (y), m.
         web_thickness: Thickness of the web (y), m.
         flange_thickness: Thickness of a flange at its tip (x), the flank drawn through, m.
-        root_thickness: Thickness of a flange at the surface of the web, likewise, m.
+        root_thickness: Thickness of a flange at the surface of the web (x), m.
         fillet_radius: Radius between web and flank (concave), m.
         shoulder_radius: Radius between flank and tip (convex), m.
         corner_radius: Radius between tip and outer face (convex), m.
@@ -94,8 +94,8 @@ def surface_pieces(
     flank = top - foot
     length = float(np.hypot(*flank))
     up = flank / length
-    # Tangent lengths: radius times tan of half the turn, the turn between two directions.
-    steep = math.atan2(up[1], up[0])  # of the flank above the web
+    # Tangent lengths: radius times tan of half the angle between two directions.
+    steep = math.atan2(up[1], up[0])  # angle between flank and web
     cut_fillet = fillet * math.tan(0.5 * steep)
     cut_shoulder = shoulder * math.tan(0.5 * steep)
     for name, cut, room, where in (

@@ -34,7 +34,7 @@ from castfem.meshes.perimeter import (
 from castfem.meshes.rounded import Grading, corner_cells
 from castfem.meshes.sizes import check_count
 
-# How far the lines that leave the node under the fillet keep their first direction, over its y.
+# Length over which lines from the node under the fillet keep their direction, relative to its y.
 _BEND = 0.3
 
 

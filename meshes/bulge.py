@@ -1,7 +1,8 @@
-"""A rectangle whose outline stands out from itself, or in, by a table round a quarter of it.
+"""A rectangle whose outline is offset outwards or inwards by a table along a quarter of it.
 
-The way round a quarter begins in the middle of the right-hand face and goes over the corner to the
-middle of the upper face; offsets are along the outward normal, the same in all four quarters.
+The length along a quarter (`way`) is measured from the middle of the right-hand face over the
+corner to the middle of the upper face; offsets are along the outward normal, the same in all four
+quarters.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ import numpy as np
 from castfem.meshes.section_mesh import SectionMesh
 
 Table = tuple[Sequence[float], Sequence[float]]
-"""Ways and offsets, m."""
+"""Lengths along the quarter and offsets, m."""
 _MOST = 0.2
-"""Largest offset over half the smaller side."""
+"""Largest offset relative to half the smaller side."""
 
 
 def ways_round(points: np.ndarray, a: float, b: float, radius: float) -> np.ndarray:
-    """Way round its quarter (n,) of points (n, 2) on the outline, or in line with it, m.
+    """Length along the quarter (n,) to points (n, 2) on the outline, or in line with it, m.
 
     Args:
-        points: In any quarter, m.
+        points: Points in any quarter, m.
         a: Half the width, m.
         b: Half the height, m.
-        radius: Of the corners, m.
+        radius: Radius of the corners, m.
     """
     x, y = np.abs(np.asarray(points, float)).T
     right, arc = b - radius, 0.5 * np.pi * radius
@@ -34,7 +35,7 @@ def ways_round(points: np.ndarray, a: float, b: float, radius: float) -> np.ndar
     on_arc = right + radius * from_corner
     below, beyond = y <= right, x <= a - radius
     upper = right + arc + (a - radius - x)
-    # Within both strips, far inside, the nearer face counts.
+    # Far inside, where both conditions hold, the nearer face is taken.
     face = below & (~beyond | (a - x <= b - y))
     return np.asarray(np.where(face, y, np.where(beyond, upper, on_arc)))
 
@@ -49,17 +50,17 @@ def normals_round(ways: np.ndarray, b: float, radius: float) -> np.ndarray:
 
 
 def bulged(mesh: SectionMesh, a: float, b: float, radius: float, table: Table) -> SectionMesh:
-    """A mesh of a rectangle moved so that its outline has the offsets of a table.
+    """Move a mesh of a rectangle so that its outline has the offsets of a table.
 
-    What is inside moves along, on every ray from the centre in proportion to the way to the
-    outline; lines of symmetry stay where they are.
+    Points inside move in proportion to their distance from the centre along a ray to the outline;
+    lines of symmetry are unchanged.
 
     Args:
-        mesh: Of the rectangle, or of a part of it.
+        mesh: Mesh of the rectangle, or of a part of it.
         a: Half its width, m.
         b: Half its height, m.
-        radius: Of its corners, m.
-        table: Ways, increasing, and offsets, m; linear between, beyond them constant.
+        radius: Radius of its corners, m.
+        table: Increasing lengths and offsets, m; linear in between, constant beyond.
 
     Raises:
         ValueError: The offsets are too large.
@@ -96,7 +97,7 @@ def _shift(points: np.ndarray, a: float, b: float, radius: float, table: Table) 
 
 
 def _outline(q: np.ndarray, a: float, b: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where rays from the centre through q (n, 2) leave the quarter: multiple of q, and place."""
+    """Intersections of rays from the centre through q (n, 2) with the outline: factor, point."""
     tiny = 1e-12 * max(a, b)
     x, y = np.maximum(q, tiny).T
     to_right, to_top = a / x, b / y

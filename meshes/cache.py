@@ -1,4 +1,4 @@
-"""Meshes kept on disk under the hash of what they were built from.
+"""Meshes kept on disk under the hash of their parameters.
 
 Reading one imports neither gmsh nor a builder and takes a few milliseconds.
 """
@@ -38,7 +38,7 @@ def cached(
 
     Args:
         builder: Function that builds a mesh from the parameters.
-        folder: Folder of the cache; made if need be.
+        folder: Folder of the cache, created if missing.
         **parameters: Numbers, strings, booleans or None.
 
     Raises:

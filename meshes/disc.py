@@ -29,9 +29,9 @@ def disc(
 
     Args:
         diameter: Diameter, m.
-        surface_size: Across the surface, at it, m.
-        core_size: In the core, m.
-        face_size: Along the surface; by default `core_size`, m.
+        surface_size: Size normal to the surface, at it, m.
+        core_size: Size in the core, m.
+        face_size: Size along the surface; by default `core_size`, m.
         surface_depth: See `Sizes`.
         core_depth: See `Sizes`; by default the radius.
         symmetry: "quarter", "half" or "whole".

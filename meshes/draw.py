@@ -76,8 +76,8 @@ def _close_view(
 ) -> tuple[float, float, float, float]:
     """Left, bottom, right and top of the close view, m.
 
-    It shows the surface end of a probe and what is under it; it is `zoom` high and `stretch` times
-    that wide.
+    It shows the surface end of a probe and the cells below it; it is `zoom` high and `stretch`
+    times that wide.
     """
     names = (focus,) if focus else ("corner", "diagonal", "mid_face")
     name = next((n for n in names if n in mesh.probes), None)

@@ -1,6 +1,6 @@
 """One-dimensional grading: geometric progressions of cell sizes between named lengths.
 
-The size wanted at a distance `u` from the fine end is a piecewise linear function
+The size at a distance `u` from the fine end is a piecewise linear function
 
     h(u) = fine                            for u <= keep
     h(u) = min(fine + slope (u - keep), coarse)    beyond.

@@ -1,8 +1,8 @@
 """Boundary layers that follow a curved perimeter.
 
 A run is a stretch of surface between two ends: a line of symmetry, the middle of a concave fillet,
-or the middle of a convex corner. Layers of one count follow it; at a convex corner the layers of
-two runs meet on the bisector in one node where three cells meet (the corner of the core). The
+or the middle of a convex corner. A constant number of layers follows it; at a convex corner the
+layers of two runs end on the bisector in one node of three cells (the corner of the core). The
 inner line is an offset of the surface, sharpened at the corners so that these three cells share
 the angle; its nodes slide away from the corners, so that cells do not shrink with the arc's radius.
 """
@@ -78,9 +78,9 @@ def best_ring(cost: Callable[[Ring], float], freedom: str) -> Ring:
 
 
 def ring_cost(growth: float, angle: float, cells: int, slant: float = 0.0) -> float:
-    """What `best_ring` is to minimise.
+    """Cost that `best_ring` minimises.
 
-    Growth below 1.2 is as good as none, and then fewer cells are worth more.
+    Growth below 1.2 counts like none, so that the number of cells decides.
 
     Args:
         growth: Logarithm of the largest ratio of neighbouring sizes.

@@ -1,7 +1,7 @@
 """Geometry of cells: Jacobians, angles, sizes, growth between neighbours, area.
 
-Everything is evaluated on the true mapping of the cells, so a second-order cell whose curved side
-crosses another is found out. Nodes are in DOLFINx order (quadrilaterals in tensor order).
+Everything is evaluated on the true mapping of the cells, so that a second-order cell whose curved
+side crosses another is detected. Nodes are in DOLFINx order (quadrilaterals in tensor order).
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def rectangle(
         symmetry: "quarter" (x, y >= 0), "half" (x >= 0) or "whole".
         cell: "quadrilateral" or "triangle".
         order: 1 or 2.
-        bulge: Offsets of the outline over the way round a quarter, see `bulged`.
+        bulge: Offsets of the outline over the length along a quarter, see `bulged`.
         **sizes: Those of `Sizes`, m; surface_size and core_size must be given.
 
     Raises:
@@ -95,7 +95,7 @@ def quad_grading(sizes: Sizes) -> Grading:
 def isotropic(
     outline: Outline, sizes: Sizes, corners: tuple[Piece, ...], quarters: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Unstructured triangles: one size in all directions, the smallest asked for at each place."""
+    """Unstructured triangles: one size in all directions, the smallest requested at each point."""
     fine = min(sizes.surface_size, sizes.face_size)
     depths = sizes.surface_depth, sizes.core_depth
     inward = size_law(fine, sizes.core_size, *depths)
@@ -111,7 +111,7 @@ def isotropic(
 
 
 def _under(pieces: tuple[Piece, ...], area: float, law: SizeLaw) -> float:
-    """About how many triangles of a law lie under pieces of the surface."""
+    """Approximate number of triangles of a law under pieces of the surface."""
     length = sum(p.length for p in pieces)
     depth = np.r_[0.0, np.geomspace(1e-3 * law.fine, area / length, 2001)]
     middle = 0.5 * (depth[1:] + depth[:-1])
@@ -121,8 +121,8 @@ def _under(pieces: tuple[Piece, ...], area: float, law: SizeLaw) -> float:
 def _grid(a: float, b: float, sizes: Sizes, quarters: int) -> tuple[np.ndarray, np.ndarray]:
     """Product of two graded grids on [0, a] x [0, b], fine at x = a and y = b.
 
-    A row has one height from the corner to the middle of the face, so the smaller one of the sizes
-    that meet in it holds.
+    A row has one height from the corner to the middle of the face, so the smaller one of the two
+    sizes is used.
     """
     fine = min(sizes.surface_size, sizes.corner_size)
     coarse = min(sizes.face_size, sizes.core_size)

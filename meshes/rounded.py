@@ -109,7 +109,7 @@ def _blocks(faces: tuple[Piece, Piece, Piece], grading: Grading, ring: Ring) -> 
     arc_cells = corner_cells(arc, grading, ring.depth * r)
     along = replace(grading.along, lead=half / arc_cells)
     n_side, n_top = (along.cells(f.length) if f.length > 0.0 else 0 for f in (side, top))
-    # Not much thinner than they have to be: than the fine size, or than the pitch on the arc.
+    # Not much thinner than necessary, which is the fine size, or the pitch on the arc.
     thin = 0.8 * min(law.fine, half / arc_cells)
     most = math.floor(ring.depth * r / thin)
     n = max(1, min(round(ring.crowd * law.count(ring.depth * r)), most))

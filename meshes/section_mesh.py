@@ -13,8 +13,8 @@ from castfem.meshes.quality import Quality
 # Local number of the node in the middle of each side, sides in the order of `edges_of`.
 _MIDDLES = {"quadrilateral": (4, 6, 7, 5), "triangle": (5, 3, 4)}
 
-_ENDS = slice(None, -1), slice(1, None)  # of the segments of a polyline
-_HAIR = 1e-2  # of a facet: how far beyond it a point counts as of the section
+_ENDS = slice(None, -1), slice(1, None)  # starts and ends of the segments of a polyline
+_HAIR = 1e-2  # distance beyond a facet, relative to its length, that still counts as inside
 _INNER = ("symmetry_", "side_", "core_end")
 
 

@@ -21,10 +21,10 @@ CELLS = ("quadrilateral", "triangle")
 class Sizes:
     """Sizes of cells, m."""
 
-    surface_size: float  #: across the surface, at it
-    core_size: float  #: in the core
-    corner_size: float  #: along the surface, on convex corners; by default `surface_size`
-    face_size: float  #: along the surface, in the middle of the faces; by default `core_size`
+    surface_size: float  #: size normal to the surface, at it
+    core_size: float  #: size in the core
+    corner_size: float  #: size along the surface, on convex corners; by default `surface_size`
+    face_size: float  #: size along the surface, mid-face; by default `core_size`
     surface_depth: float  #: depth over which the sizes at the surface are kept
     #: Depth at which the core size is reached; by default the half thickness. The sizes in between
     #: form a geometric progression whose ratio is at most 1.3.
@@ -57,7 +57,7 @@ def check_sizes(
     Args:
         half_thickness: Half the smallest thickness of the section, m: limits sizes and depths.
         longest: Half the largest dimension of the section, m: limits the size along faces.
-        surface_size: See `Sizes`; so are the others.
+        surface_size: See `Sizes`.
         core_size: See `Sizes`.
         corner_size: See `Sizes`.
         face_size: See `Sizes`.

@@ -192,7 +192,7 @@ def _distance_law(
 
 @contextmanager
 def _gmsh() -> Iterator[ModuleType]:
-    """A model of our own in gmsh, left as it was found: initialised or not, options, model."""
+    """A new model in gmsh; the previous state (initialised or not, options, model) is restored."""
     try:
         import gmsh
     except (ImportError, OSError) as error:  # the latter for a library it needs

@@ -1,8 +1,8 @@
 """Mesh of a quarter of a tube: bricks between its inner wall and the offset of it.
 
-The wall is thin and smooth, so that a mapped mesh follows it exactly: the cells stand upright on
-it, and a thousand or a million of them are made alike. (Unstructured tetrahedra of the same error
-need some ten times the unknowns: several through a wall of 10 mm, over 800 mm of length.)
+The wall is thin and smooth, so that a mapped mesh follows it exactly, with cells normal to it.
+(Unstructured tetrahedra of the same error need some ten times the unknowns: several through a wall
+of 10 mm, over 800 mm of length.)
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _FACES = (
     *((1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7)),
 )
 _GROWTH = 1.3
-"""Of a layer to the one before it, nearer to the meniscus."""
+"""Ratio of the length of a layer to that of its neighbour nearer to the meniscus."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,17 +31,16 @@ class TubeMesh:
     #: across + i.
     points: np.ndarray
     cells: np.ndarray  #: nodes of each brick (m, (order + 1)^3), in the order of DOLFINx
-    order: int  #: 1 or 2, of the cells' geometry
+    order: int  #: order of the cells' geometry, 1 or 2
     shape: tuple[int, int, int]  #: nodes across the wall (0 at the inner one), round it, along it
-    #: layer of nodes from which on the inner wall is hot; what is above is its collar
+    #: layer of nodes from which on the inner wall is hot; the collar is above it
     meniscus: int = 0
 
     def node(self, i: int | np.ndarray, j: int | np.ndarray, k: int | np.ndarray) -> np.ndarray:
         """Numbers of nodes by their places in the block; negative ones count from the end."""
         across, around, along = self.shape
-        one = np.arange(across)[i]
-        other, third = np.arange(around)[j], np.arange(along)[k]
-        return np.asarray((third * around + other) * across + one)
+        i, j, k = np.arange(across)[i], np.arange(around)[j], np.arange(along)[k]
+        return np.asarray((k * around + j) * across + i)
 
     def inner(self) -> np.ndarray:
         """Nodes of the inner wall (along, round)."""
@@ -70,7 +69,7 @@ def tube(
             order every other one is the middle of a cell.
         normals: Unit normals there, out of the cavity.
         positions: z of the layers (along,), m, increasing.
-        thickness: Of the wall, along the normals, m.
+        thickness: Thickness of the wall along the normals, m.
         across: Cells across the wall.
         order: 1 or 2.
         meniscus: See `TubeMesh`.
@@ -113,14 +112,14 @@ def brick_nodes(order: int) -> np.ndarray:
 
 
 def graded(start: float, end: float, fine: float, coarse: float, order: int = 2) -> np.ndarray:
-    """Layers from `start` to `end`, m, both among them: fine at 0 and coarser away from it.
+    """Layers from `start` to `end`, m, both included: fine at 0 and coarser away from it.
 
     Args:
-        start: First, not above 0.
-        end: Last, above 0.
+        start: First layer, not above 0.
+        end: Last layer, above 0.
         fine: Length of a cell at 0, m.
         coarse: Largest length, m.
-        order: Of the cells: 2 puts a layer in the middle of each.
+        order: Order of the cells; 2 adds a layer in the middle of each.
     """
     down = _side(end, fine, coarse)
     up = _side(-start, fine, coarse) if start < 0.0 else np.zeros(1)

@@ -313,8 +313,8 @@ def taken(lock: FileLock) -> bool:
                 raise
             time.sleep(0.05)
         except NotImplementedError:
-            # Reason: filelock before version 4 raises it where a file system has no locks; False
-            # tells the caller so.
+            # Reason: filelock before version 4 raises it where a file system has no locks, which
+            # the caller learns from False.
             return False
         except OSError as error:  # from version 4 on the error of flock() itself
             if error.errno in _NONE:

@@ -42,7 +42,7 @@ def outermost(function: Callable[..., Any]) -> Any:
 
 
 class _Locator:
-    """Tells numba the cache folder of a function, through numba's interface."""
+    """Gives numba the cache folder of a function, through numba's interface."""
 
     def __init__(self, function: Any) -> None:
         self._digest = _digest(function)

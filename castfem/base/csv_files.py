@@ -33,8 +33,8 @@ class UnreadableError(ValueError):
 class Heading:
     """Header of a column."""
 
-    text: str  #: as in the file
-    name: str  #: without the unit
+    text: str  #: heading as in the file
+    name: str  #: name without the unit
     unit: str  #: empty if none is given, or "-"
 
     @classmethod

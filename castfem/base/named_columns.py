@@ -23,7 +23,7 @@ class Columns:
 
     kinds: Mapping[str, Kind]  #: quantity of each column, by its name
     units: Mapping[str, str]  #: key with the unit of the plain numbers of each column
-    what: str  #: what they describe, for messages
+    what: str  #: name of the described object, for messages
     header: str  #: header of a file, for messages
     optional: Collection[str] = ()  #: columns of `kinds` that may be left out
     #: text columns, which may be left out, and whose cells may be empty

@@ -91,11 +91,11 @@ def one_at_a_time(*, wait: bool = False) -> Iterator[None]:
 
 @contextmanager
 def collected() -> Iterator[None]:
-    """Free what the block has made, though it stands in cycles, as meshes and communicators do.
+    """Free objects made in the block that are in reference cycles, such as meshes, communicators.
 
-    Python's collector does not look through what there was before, all that is imported: that would
-    take as long as a short run.  Whoever has frozen it himself (`gc.freeze`) finds it frozen.
-    (Collective: what it frees may be.)
+    Python's collector does not search older objects such as imported modules, which would take as
+    long as a short run. Objects frozen by the caller (`gc.freeze`) remain frozen.
+    (Collective, as freeing some of the objects is.)
     """
     frozen = gc.get_freeze_count() > 0
     if not frozen:

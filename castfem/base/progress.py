@@ -45,7 +45,7 @@ class Progress:
         self._lined = -1  # steps at the last line
         self._state = (0.0, 0, 0.0, "")
         self._pace: tuple[float, float] | None = None
-        self._told = False
+        self._warned = False
 
     def start(self, total_length: float, position: float = 0.0) -> None:
         """Begin a run to `total_length` (m) at a position, which is not 0 m for a resumed run."""
@@ -55,7 +55,7 @@ class Progress:
         self._next_share = _mark_after(_share(position, total_length))
         self._steps = self._newton = 0
         self._lined = -1
-        self._pace, self._told = None, False
+        self._pace, self._warned = None, False
         if self._shown and self._terminal:
             self._bar = _bar(self._unit)
             self._task = self._bar.add_task("", total=total_length, text="")
@@ -79,7 +79,7 @@ class Progress:
         self._newton += newton
         self._state = (time_s, newton, step, note)
         now = time.perf_counter()
-        if not self._told:
+        if not self._warned:
             self._foresee(now)
         if self._bar is not None and now >= self._next_picture:
             self._next_picture = now + 0.1
@@ -100,7 +100,7 @@ class Progress:
         since, place = self._pace
         if now - self._begun < 10.0 or not self._position > place:
             return
-        self._told = True
+        self._warned = True
         left = (self._total - self._position) * (now - since) / (self._position - place)
         if left > 3600.0:
             _logger.warning(

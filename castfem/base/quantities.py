@@ -110,7 +110,7 @@ class Kind(Notation):
     most: float | None = None  #: the value must be at most this, in SI
 
     label: str = ""  #: name of the quantity, if the unit alone is not enough
-    sample: str = ""  #: example of a value, likewise
+    sample: str = ""  #: example of a value, if the unit alone is not enough
 
     @property
     def quantity(self) -> Kind:
@@ -297,7 +297,7 @@ HeatTransferCoefficient = Annotated[float, Kind("W/(m^2 K)", "W/(m^2 K)", least=
 Conductivity = Annotated[float, Kind("W/(m K)", "W/(m K)", above=0.0)]
 PositiveNumber = Annotated[float, Kind("1", above=0.0)]
 PERCENT = PercentKind("1", label="weight percent", sample="0.42")
-"""Weight percent without bounds, for whoever tells them itself."""
+"""Weight percent without bounds, for fields that check bounds with a message of their own."""
 Percent = Annotated[float, replace(PERCENT, least=0.0, most=100.0)]
 InverseLength = Annotated[
     float, Kind("1/m", "1/m", least=0.0, label="absorption per length", sample="400 1/m")

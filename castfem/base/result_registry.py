@@ -65,7 +65,7 @@ class QuantityDefinition:
     name: str = field(kw_only=False)
     unit: str = field(kw_only=False)  #: unit in history.csv; "-" for none
     label: str = field(kw_only=False)  #: label in tables, without unit; {} stands for the probe
-    #: what a simulation must have, from `castfem.runs.results.needs.NEEDS`
+    #: parts that a simulation must have, from `castfem.runs.results.needs.NEEDS`
     needs: tuple[str, ...] = ()
     #: whether it exists for each probe, or for those that end in the centre of the section
     each: Each = ""

@@ -1,10 +1,10 @@
-"""A function that numba compiles, kept as a shared library that is loaded without numba.
+"""A function compiled by numba, stored as a shared library that is loaded without numba.
 
-To import numba and to load what it keeps on disk takes a process 0.4 s and 90 MB.  A function of
-numbers and addresses needs nothing of that: its machine code is linked into a library once, in the
-user's cache, in a folder named by a digest of all files it is made of, of the processor, and of the
-versions of numba and llvmlite.  Behind its code the library has a check sum, since a file that is
-cut off would end the process that loads it.
+Importing numba and loading its cache takes 0.4 s and 90 MB in each process. A function of numbers
+and addresses does not need numba at run time: its machine code is linked into a library once, in
+the user's cache, in a folder named by a digest of its source files, the processor, and the versions
+of numba and llvmlite. A check sum follows the code in the file, since a truncated library would
+crash the process that loads it.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from castfem.base.log import logger
 
 _CHECK = 4  # bytes of the check sum
 _PROCESSOR = ("model name", "flags", "CPU part", "Features")  # lines of /proc/cpuinfo
-# What only the reporting of exceptions and the freeing of arrays would call, in libraries of numba.
+# Functions in numba's libraries, called only to report exceptions and to free arrays.
 _OF_NUMBA = ("numba_", "NRT_")
 _REFUSED = 'define void @"{}"() {{ call void @llvm.trap() unreachable }}'
 
 
 def addresses(*arrays: NDArray[Any], of: type = float) -> list[int]:
-    """Where arrays lie in memory, for as long as they are there.
+    """Return the addresses of arrays in memory, valid as long as the arrays exist.
 
     Args:
         arrays: Arrays that compiled code reads or writes.
-        of: Type of their numbers; the code would go beyond shorter ones.
+        of: Type of their numbers; with smaller numbers the code would exceed the array.
 
     Raises:
-        ValueError: One is not in one piece, or of other numbers.
+        ValueError: An array is not contiguous, or has another type.
     """
     found = []
     for array in arrays:
@@ -58,14 +58,14 @@ def addresses(*arrays: NDArray[Any], of: type = float) -> list[int]:
 def loaded(
     name: str, sources: Iterable[Path], make: Callable[[], Any], arguments: Sequence[Any]
 ) -> Callable[..., None]:
-    """A function that is compiled now, or was by an earlier process.
+    """Return a function from its library, which is compiled and linked if it does not exist.
 
     Args:
-        name: Of its library.
-        sources: All files it is made of.
-        make: Compiles it: returns a `cfunc` of numba, which neither raises exceptions nor makes
-            arrays, for what numba has for that is not there.
-        arguments: Types of its arguments, of ctypes.
+        name: Name of the library.
+        sources: All source files of the function.
+        make: Compiles the function: returns a `cfunc` of numba. It must neither raise exceptions
+            nor make arrays, since both need numba's libraries.
+        arguments: ctypes of its arguments.
     """
     prototype = ctypes.CFUNCTYPE(None, *arguments)
     place = cache_folder() / "kernels" / _digest(sources)
@@ -79,15 +79,15 @@ def loaded(
             found = _opened(_kept(content, path, Path(folder)), prototype)
         if found is not None:
             return found
-    except Exception as error:  # reason: what is compiled does as well, whatever hinders linking it
+    except Exception as error:  # reason: without a library the compiled function is used instead
         logger.debug("%s: not linked (%s): compiled in each process", path, error)
     found = prototype(made.address)
-    found.owner = made  # type: ignore[attr-defined]  # whose code it is
+    found.owner = made  # type: ignore[attr-defined]  # keeps the code in memory
     return found
 
 
 def _digest(sources: Iterable[Path]) -> str:
-    """Digest of the files, of how they are compiled, of the processor and of the compiler."""
+    """Return a digest of the source files, compiler options, processor and compiler version."""
     text = hashlib.sha256(_processor().encode())
     for name in ("numba", "llvmlite"):
         with suppress(metadata.PackageNotFoundError):
@@ -99,7 +99,7 @@ def _digest(sources: Iterable[Path]) -> str:
 
 
 def _processor() -> str:
-    """What machine code that uses all of the processor depends on."""
+    """Return the properties of the processor on which optimised machine code depends."""
     kind = f"{platform.system()} {platform.machine()}"
     with suppress(OSError):
         first = Path("/proc/cpuinfo").read_text(errors="replace").partition("\n\n")[0]
@@ -109,7 +109,7 @@ def _processor() -> str:
 
 
 def _opened(path: Path, prototype: Any) -> Any:
-    """The function of a library; None where there is none, or a damaged one."""
+    """Return the function of a library; None if the library is missing or damaged."""
     try:
         content = path.read_bytes()
         if _sum(content[:-_CHECK]) != content[-_CHECK:]:
@@ -126,7 +126,7 @@ def _sum(content: bytes) -> bytes:
 
 
 def _linked(made: Any, name: str, folder: Path) -> bytes:
-    """A library with the code of a function of numba, and its check sum."""
+    """Return the content of a library with a function compiled by numba, and a check sum."""
     import llvmlite.binding as llvm
 
     module = llvm.parse_assembly(made.inspect_llvm())
@@ -148,7 +148,7 @@ def _linked(made: Any, name: str, folder: Path) -> bytes:
 
 
 def _kept(content: bytes, path: Path, other: Path) -> Path:
-    """Write a library where it is kept, or, where that is not possible, into another folder."""
+    """Write a library to its path or, if that is not possible, into another folder."""
     new = path.with_name(f"{path.stem}.{platform.node()}-{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -156,7 +156,7 @@ def _kept(content: bytes, path: Path, other: Path) -> Path:
         os.replace(new, path)
         return path
     except OSError as error:
-        with suppress(OSError):  # a part of it, on a full disk
+        with suppress(OSError):  # an incomplete file, on a full disk
             new.unlink()
         logger.debug("%s: not kept (%s)", path, error)
         library = other / path.name

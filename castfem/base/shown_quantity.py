@@ -21,8 +21,8 @@ class Quantity:
     label: str  #: label in tables
     #: error of the value, in SI (K for temperatures); None unless computed by `castfem error`
     error: float | None = None
-    #: resolution of the value by the cells of the run, likewise; None if unknown. It determines the
-    #: printed digits and is not an error.
+    #: resolution of the value by the cells of the run, in SI (K for temperatures); None if unknown.
+    #: It determines the printed digits and is not an error.
     resolution: float | None = None
 
     @property

@@ -77,7 +77,7 @@ def _meant(unit: str, example: str, target: pint.Unit) -> str:
 
 
 _NEAR = 0.6  # similarity of the letters: "stirrer" is not "water", with which it shares half
-_PART = 3  # letters of a beginning that stands for the whole name
+_PART = 3  # least number of letters of an abbreviated name
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
@@ -268,8 +268,7 @@ def parse_any(text: object) -> tuple[float, str]:
 
     Returns:
         The value in SI base units and the name of that SI unit ("1" for a plain number). A single
-            unit
-        of temperature means a temperature, not a difference; kelvins may be below 0.
+        unit of temperature means a temperature, not a difference; kelvins may be below 0.
 
     Raises:
         ValueError: As `parse`.

@@ -145,7 +145,7 @@ _GOES_ON = {
     **dict.fromkeys(("sweep", "error", "optimise", "calibrate"), "the same command"),
     **{name: f"`castfem {name} ... --resume`" for name in ("run", "sensitivity", "caster")},
 }
-"""How to continue an interrupted command, by its name."""
+"""Command that continues an interrupted one, by its name."""
 HINT = " (repeat with -v and add the traceback)"
 _ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "h5py", "gmsh", "numba")
 

@@ -69,7 +69,7 @@ def draw_material(
 ) -> None:
     """Describe a steel and plot its properties; with a database, beside those of the set itself.
 
-    Likewise microsegregation is plotted beside equilibrium.
+    Microsegregation is plotted beside equilibrium.
     """
     if segregated and database is not None:
         raise InputError("--segregated: goes without a database; give --scheil with it")
@@ -93,8 +93,8 @@ def draw_material(
             with suppress(InputError):
                 beside = load()
     except InputError as error:
-        told = [f"{one}, here by -c C=0.2" if _LACKS in one else one for one in error.problems]
-        raise InputError(told) from None
+        lines = [f"{one}, here by -c C=0.2" if _LACKS in one else one for one in error.problems]
+        raise InputError(lines) from None
     say(parallel.console(), pairs(describe_steel(steel)))
     with drawing(picture):
         plot_steel(steel, picture, beside)

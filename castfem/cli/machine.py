@@ -247,7 +247,7 @@ _SAME = ("position", "diameter", "aperture", *_DEFECTS, "radius", "driven", "cap
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How far the strand of a run has solidified."""
+    """Solidification of the strand of a run."""
 
     to: float  #: position to which the strand was followed, m
     solid: float | None  #: position at which it is completely solid, m; None if it is not

@@ -56,10 +56,10 @@ def sensitivity_of_case(options: Options) -> None:
     if not root:
         return
     with chosen(options.units), shown_in(case.shown_units):
-        _tell(found, case, target, options)
+        _report(found, case, target, options)
 
 
-def _tell(found: Sensitivity, case: Case, target: Path, options: Options) -> None:
+def _report(found: Sensitivity, case: Case, target: Path, options: Options) -> None:
     from castfem.post.plots.studies import FIGURE_NAME, draw_tornado
     from castfem.studies.sensitivity.result import CSV_NAME, JSON_NAME
 

@@ -40,8 +40,9 @@ class BorderedSystem:
     Attributes:
         solver: Solver of A.
         operator: The bordered matrix.
-        columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.  They may
-            differ only in rows of prescribed displacements, where U is zero.
+        columns: U, this rank's rows (owned, scalars).
+        rows: R transposed, this rank's rows (owned, scalars). It may differ from U only in rows of
+            prescribed displacements, where U is zero.
         corner: D (scalars, scalars), the same on every rank.
         failure: Why the last solve failed; empty if it did not.
     """

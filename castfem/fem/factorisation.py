@@ -35,9 +35,9 @@ SEVERAL_RANKS = {"mat_mumps_icntl_7": 0, "mat_mumps_icntl_13": 1}
 class OwnLimits:
     """Limits up to which PETSc's own factorisation is used."""
 
-    residual: float = 1e-8  #: of its solution, relative to the right-hand side
-    rows: int = 10_000  #: of the matrix
-    #: of the factor, per row: for a fuller one MUMPS, which works on blocks, is faster
+    residual: float = 1e-8  #: residual of its solution, relative to the right-hand side
+    rows: int = 10_000  #: rows of the matrix
+    #: entries of the factor per row: for a fuller one MUMPS, which works on blocks, is faster
     entries: float = 75.0
 
 

@@ -212,7 +212,7 @@ class PointProbes:
 
     Args:
         section: The section.
-        points: (n, 2), m.
+        points: Coordinates of the points (n, 2), m.
 
     Raises:
         ValueError: A point lies outside the section.
@@ -254,7 +254,7 @@ def locate(
 
     Args:
         section: The section.
-        points: (n, 2), m.
+        points: Coordinates of the points (n, 2), m.
         along: Unit vectors of the directions (n, 2).
 
     Raises:
@@ -318,7 +318,7 @@ def _first_order_shapes(cell: str, xi: Array) -> Array:
 
 
 def _outside(cell: str, xi: Array) -> Array:
-    """How far reference points xi (n, 2) lie outside their cell (n,); negative inside."""
+    """Distance of reference points xi (n, 2) outside their cell (n,); negative inside."""
     r, s = xi.T
     far = [r + s - 1] if cell == "triangle" else [r - 1, s - 1]
     return np.asarray(np.max([-r, -s, *far], axis=0))

@@ -219,7 +219,7 @@ def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.
     Each cut has, among several directions, the one with the most even rim and few shared nodes.
 
     Args:
-        points: (n, 2), m.
+        points: Coordinates of the vertices (n, 2), m.
         cells: Nodes of each cell (m, k).
         rim: Whether a cell is at the surface (m,).
         ranks: Number of ranks.
@@ -252,5 +252,5 @@ def _cut(places: Array, share: float) -> Flags:
 def _cost(cells: Indices, rim: Flags, first: Flags, share: float) -> float:
     """Cost of a cut in cells: an uneven rim, and nodes on both sides."""
     uneven = abs(int(rim[first].sum()) - share * int(rim.sum()))
-    layers = 6  # cells across a shell's thickness: the work that a rim cell stands for
+    layers = 6  # cells across a shell's thickness, whose work is attributed to a rim cell
     return layers * uneven + len(np.intersect1d(cells[first], cells[~first]))

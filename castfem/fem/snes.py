@@ -346,7 +346,7 @@ class SnesSolver:
                 if self._raised is None:
                     if not self._asked:
                         raise
-                    # What PETSc cannot do is told of only here: ILU of several ranks' matrix, say.
+                    # PETSc reports impossible options only here: ILU on several ranks, for example.
                     raise InputError(_refused(self._prefix, self._asked, str(error))) from error
                 raise self._raised from None  # for example Ctrl-C in the middle of a solve
         reason = self.snes.getConvergedReason()

@@ -1,6 +1,6 @@
 """Case files: TOML in, a validated `Case` in SI out.
 
-No DOLFINx, no gmsh, no MPI, but for `castfem.model.build`, which makes of a case what computes it.
+No DOLFINx, gmsh or MPI, except in `castfem.model.build`, which makes a simulation from a case.
 """
 
 from __future__ import annotations

@@ -188,7 +188,7 @@ class Case(TableModel):
 
     @property
     def output_clock(self) -> float:
-        """When the slice leaves the meniscus, by the clock of the output times, s."""
+        """Time at which the slice leaves the meniscus, by the clock of the output times, s."""
         return self.casting.clock if self.output.by_clock else 0.0
 
     def tables_by_clock(self) -> list[TableOfValues]:

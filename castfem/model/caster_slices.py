@@ -1,4 +1,4 @@
-"""The slices of a caster: when each leaves the meniscus, how long it is followed, its case.
+"""The slices of a caster: start at the meniscus, time for which each is followed, and case.
 
 A slice is the case with the columns of the plant's history in the place of its own keys, and with
 its own start by that clock (`casting.start.time`), so that it can be run by itself as well.
@@ -55,7 +55,7 @@ def cast_of(case: Case) -> Cast:
 
 
 def starts_of(case: Case) -> list[float]:
-    """When each slice leaves the meniscus, by the clock, s: the oldest first.
+    """Times at which slices leave the meniscus, by the clock, s: the oldest first.
 
     The first one is the head of the strand, or has just left the machine at the first output; the
     last one is the tail if casting ends.
@@ -93,7 +93,7 @@ def ends_with_tail(case: Case) -> bool:
 
 
 def followed(case: Case) -> list[float]:
-    """How long each slice is followed, s: to the end of the machine or of the computed time."""
+    """Time for which each slice is followed, s: to the end of the machine or computed time."""
     assert case.caster is not None
     cast, last, length = cast_of(case), case.caster.instants[-1], case.casting.length
     starts = starts_of(case)

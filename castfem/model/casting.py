@@ -105,7 +105,7 @@ class Casting(TableModel):
 
     @property
     def clock(self) -> float:
-        """When the slice leaves the meniscus, by the clock of the tables over time, s."""
+        """Time at which the slice leaves the meniscus, by the clock of the tables over time, s."""
         return 0.0 if self.start is None or self.start.time is None else self.start.time
 
     @property

@@ -1,6 +1,6 @@
 """The array of tables [[cooling]]: zones in casting order with their heat laws.
 
-`castfem.model.heat_law` holds what the laws have in common.
+`castfem.model.heat_law` has their common base.
 """
 
 from __future__ import annotations

@@ -307,7 +307,7 @@ def override(
 
     Args:
         document: The document to change; faulty assignments are recorded in its `faults`.
-        assignments: As written by the user.
+        assignments: Assignments as written by the user.
         meant: Returns the dotted key for a name without dots; raises ValueError if there is none.
     """
     before = copy.deepcopy(document.data)

@@ -46,16 +46,16 @@ class Surroundings:
     #: temperature of the mould wall as the slice passes it, K, over time in s; None if the case
     #: gives none
     wall: float | Callable[[float], float] | None = None
-    #: where the law holds; None unless the law asks for it (`HeatLaw.asks_extent`)
+    #: range in which the law holds; None unless the law asks for it (`HeatLaw.asks_extent`)
     extent: Extent | None = None
     water: Water | None = None  #: water of the whole strand; None if the case does not give it
     supply: Supply | None = None  #: water supply; None unless the law needs it
-    clock: float = 0.0  #: when the slice leaves the meniscus, on the clock of flows over time, s
+    clock: float = 0.0  #: time at which the slice leaves the meniscus, by the clock of flows, s
 
-    def supplied(self, told: Watered) -> float | Table:
+    def supplied(self, amount: Watered) -> float | Table:
         """Return the flow of water, m3/s, given as a flow, per mass of steel or as a share."""
         assert self.supply is not None, "the law asks for it"
-        return self.supply.flow(told)
+        return self.supply.flow(amount)
 
     def over_time(self, given: str | float | Table) -> mould_flux.Value:
         """Return a number, a table or a named flux as a number or function of time in s."""

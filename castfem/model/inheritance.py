@@ -1,6 +1,6 @@
-"""How a later layer of a case (an extending file, `--set`, a script) changes earlier ones.
+"""Changes of a case by a later layer: an extending file, `--set` or a script.
 
-TOML has no null, so a later layer cannot remove what an extended file gives. Hence these rules.
+TOML has no null, so a later layer cannot remove keys of an extended file. Hence these rules.
 
 Steel: a later name removes an inherited composition, unless the named steel is computed from one
 and states none itself; a later composition replaces an inherited steel that is not computed from
@@ -37,7 +37,7 @@ def settle(
     Args:
         before: The tables of the earlier layers.
         after: The same with those of the new layer; its table [steel] is changed.
-        inherited: Tells whether the value at a path of `after` comes from an earlier layer.
+        inherited: Whether the value at a path of `after` comes from an earlier layer.
     """
     old, steel = before.get("steel"), after.get("steel")
     if not isinstance(old, Mapping) or not isinstance(steel, dict):

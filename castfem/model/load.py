@@ -60,9 +60,9 @@ class Reading:
     #: key that selects the steel ("billet.toml: steel"), for messages about it; the material of a
     #: tensile test
     steel: str = "steel"
-    #: the key of the law of the mechanics, likewise ("billet.toml: mechanics.law")
+    #: key of the law of the mechanics ("billet.toml: mechanics.law"), for messages about it
     law: str = "mechanics.law"
-    elasticity: str = "mechanics.elasticity"  #: the key of its elasticity, likewise
+    elasticity: str = "mechanics.elasticity"  #: key of its elasticity, for messages about it
     #: probable mistakes in a sound case, and what a later setting removed from it, one line each
     warnings: tuple[str, ...] = ()
     line: Callable[[Problem], str] = str  #: prefixes a later problem with where its key was written
@@ -130,8 +130,8 @@ def changed(
     Args:
         case: The case.
         changes: Dotted or bare key (`castfem.model.key_names`) and new value.
-        label: Where the changes were written, for messages.
-        labels: The same, by key, for changes written elsewhere.
+        label: Name of the place where the changes were written, for messages.
+        labels: Such names by key, for changes written elsewhere.
     """
     before = case.document()
     written = document.Document(copy.deepcopy(before), "case")
@@ -182,8 +182,8 @@ def _validate(written: document.Document) -> Reading:
     odd = unusual.warnings(case) if isinstance(case, Case) and not lines else ()
     left_out = () if lines else tuple(written.left_out)
     own = written.label, document.SET
-    told = (p for p in odd if p.inherited or written.origin(p.path) in own)
-    warnings = (*left_out, *(_line(written, problem) for problem in told))
+    reported = (p for p in odd if p.inherited or written.origin(p.path) in own)
+    warnings = (*left_out, *(_line(written, problem) for problem in reported))
     line = partial(_line, written)
     return Reading(
         case, tuple(dict.fromkeys(lines)), steel, law, elasticity, warnings, line, written.origin
@@ -285,12 +285,12 @@ _CHOICE = "; one of "  # part of every message that refuses a word
 def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> list[str]:
     """Return why a key cannot take some values, one line each; equal faults once."""
     found: list[str] = []
-    told: set[str] = set()
+    reported: set[str] = set()
     for value in values:
         for line in _refused(case, key, value, where):
             plain = line.replace(f'"{value}"', "").replace(f"({value})", "")
-            if plain not in told:
-                told.add(plain)
+            if plain not in reported:
+                reported.add(plain)
                 found.append(line)
     given = _text_at(case, key)
     if given is not None and not found and not _refused(case, key, _ANY_TEXT, where):

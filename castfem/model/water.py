@@ -58,31 +58,31 @@ class Watered(Protocol):
 class Supply:
     """Converts an amount of water as given into a flow."""
 
-    mass: float  #: of the strand per length, kg/m
+    mass: float  #: mass of the strand per length, kg/m
     travel: Travel  #: gives the casting speed
     total: Water | None  #: water of the whole strand; None if the case does not give it
-    clock: float = 0.0  #: when the slice leaves the meniscus, on the clock of flows over time, s
+    clock: float = 0.0  #: time at which the slice leaves the meniscus, by the clock of flows, s
 
-    def flow(self, told: Watered) -> Flow:
+    def flow(self, amount: Watered) -> Flow:
         """Return the flow, m3/s: a number, or a table over casting speed or time."""
-        if told.share is not None:
+        if amount.share is not None:
             assert self.total is not None, "the case has been checked"
-            whole = self._of(self.total.flow, self.total.specific)
-            return _times(told.share, whole)
-        return self._of(told.flow, told.specific)
+            total = self._of(self.total.flow, self.total.specific)
+            return _times(amount.share, total)
+        return self._of(amount.flow, amount.specific)
 
-    def most(self, told: Watered) -> float:
+    def most(self, amount: Watered) -> float:
         """Return the largest flow, m3/s; of a table over casting speed, at the speeds cast."""
-        flow = self.flow(told)
+        flow = self.flow(amount)
         if not isinstance(flow, Table) or flow.over != "speed":
             return largest(flow)
         slowest, fastest = self.travel.slowest, self.travel.fastest
         within = (speed for speed in flow.arguments if slowest < speed < fastest)
         return max(float(flow(speed)) for speed in (slowest, *within, fastest))
 
-    def specific(self, told: Watered) -> float:
+    def specific(self, amount: Watered) -> float:
         """Return the water per mass of steel, m3/kg, for the largest flow at the highest speed."""
-        return self.most(told) / (self.mass * self.travel.fastest)
+        return self.most(amount) / (self.mass * self.travel.fastest)
 
     def _of(self, flow: Flow | None, specific: float | None) -> Flow:
         if flow is not None:

@@ -2,7 +2,7 @@
 
 A new run replaces a run of the same physics, and a resumed run continues it. A run of other
 physics, or one that has come further down than the new one will, is kept unless --overwrite is
-given. `castfem.runs.output.folder` knows which files are castfem's, and touches no others.
+given. `castfem.runs.output.folder` has the list of castfem's files, and changes no others.
 """
 
 from __future__ import annotations

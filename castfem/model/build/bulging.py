@@ -40,10 +40,10 @@ WIDTHLESS = (
 class Limits:
     """Limits of the foundation of the wide faces."""
 
-    #: relative to the pitch: beyond, slopes are no longer small, and no strand is cast like that
+    #: largest bulge relative to the pitch; beyond it slopes are no longer small
     most_bulge: float = 0.05
     least_bulge: float = 50e-6  #: stiffness of a bed is at most the pressure over this, m
-    #: relative to a bed's stiffness: holds a solid strand that touches no roll in place
+    #: stiffness relative to a bed's that keeps a solid strand without rolls in place
     within: float = 1e-3
     #: relative to the pitch: distance from the narrow face where a clamped plate bulges as a strip
     edge: float = 0.32
@@ -80,7 +80,7 @@ class PitchByPitch:
     #: makes a bulge from shell and pitch, by the position of the pitch's middle, m
     model: Callable[[float], BulgingModel]
     nodes: int  #: number of nodes of a bulge
-    machine: Machine  #: of the case
+    machine: Machine  #: machine of the case
     rolls: Array  #: positions of the pairs, m; preceded by the end of the mould if modelled
     offsets: Array  #: offsets of the rolls from the first one, outwards, m
     faces: Mapping[str, Face]  #: the wide faces by their groups
@@ -89,7 +89,7 @@ class PitchByPitch:
     front: float  #: temperature at the inside of the shell, K
     core: Core  #: the liquid
     ahead: ShellPrediction  #: predicts the shell
-    #: of the section, m; None to leave the strip's axial strain out of the slice
+    #: half width of the section, m; None to leave the strip's axial strain out of the slice
     half_width: float | None = None
     #: treatment of uneven rolls; None if none is missing or misaligned
     uneven: UnevenRolls | None = None
@@ -184,8 +184,8 @@ class PitchByPitch:
         for i, (span, profile) in enumerate(zip(spans, shells, strict=True)):
             bulge, added = strips[i]
             top, most = _furthest(bulge)
-            # The shell's stiffness between its rolls is p/w, where p is the remaining head. Below a
-            # missing roll a shell that has crept dips everywhere: it is as soft there.
+            # The shell's stiffness between its rolls is p/w, where p is the remaining head. It is
+            # used also below a missing roll, where a crept shell is deflected everywhere.
             left = max(self.core.share_handed_on(profile), LIMITS.within)
             new["stiffness"][i] = head / max(most / left, LIMITS.least_bulge)
             new["thickness"][i], new["largest"][i] = bulge.thickness, top

@@ -42,9 +42,9 @@ class Zones:
     """Cooling along the machine as the slice meets it over time.
 
     Args:
-        case: Sound.
+        case: Sound case.
         machine: Positions and times of the slice.
-        steel: Gives the emissivity where the case does not.
+        steel: Steel, with the emissivity if the case has none.
         surface: Perimeter shares of the section's boundary groups.
         beside: Zones of another slice whose case differs only in speed, superheat, water and start.
 
@@ -65,7 +65,7 @@ class Zones:
         self.starts = [machine.time_at(span.start) for span in self.spans]
         self._end = machine.time_at(self.spans[-1].end)
         self._surface, self._beside = surface, beside
-        #: tells which vertices have two gaps; only with a mould
+        #: assigns gaps to vertices, some of which have two; only with a mould
         self.sides: SurfaceGap | None = None
         self._case = case
         wall = wall_over_time(case, machine)
@@ -142,8 +142,8 @@ class Zones:
         """Heat flux at the owned vertices (owned,), W/m2, for the given gaps.
 
         Args:
-            gap: As for `set_gap`, m.
-            temperature: (owned,), K.
+            gap: Gaps as for `set_gap`, m.
+            temperature: Temperatures (owned,), K.
             time: Time that selects the zone, s.
         """
         flux = np.zeros_like(temperature)

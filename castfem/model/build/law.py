@@ -32,8 +32,8 @@ def build_law(
     Args:
         table: The table of the case.
         steel: Steel of the case.
-        law_origin: Where the law is named ("billet.toml: mechanics.law"), for messages.
-        elasticity_origin: The same for the elasticity.
+        law_origin: File and key that name the law ("billet.toml: mechanics.law"), for messages.
+        elasticity_origin: File and key that name the elasticity.
 
     Raises:
         InputError: Lists all problems found, one line each.

@@ -43,7 +43,7 @@ class SecondaryCooling:
     Args:
         case: Sound case with [secondary].
         machine: Positions and times of the slice.
-        steel: Gives the emissivity where the case does not.
+        steel: Steel, with the emissivity if the case has none.
         surface: Perimeter shares of the section's boundary groups.
         start: Start of this cooling, from the meniscus, m.
         rows: Rows of nozzles; by default those of the case
@@ -75,9 +75,9 @@ class SecondaryCooling:
         self._radiation, self._run_off = self._radiates(steel), None
         if table.run_off is not None:
             self._run_off = Convection(table.run_off, table.water_temperature)
-        told = {one.name: supply.flow(one) for one in table.circuit}
-        self._most = {name: largest(flow) for name, flow in told.items()}
-        self._flows = {name: over_time(flow, machine) for name, flow in told.items()}
+        flows = {one.name: supply.flow(one) for one in table.circuit}
+        self._most = {name: largest(flow) for name, flow in flows.items()}
+        self._flows = {name: over_time(flow, machine) for name, flow in flows.items()}
         self._coefficients = {
             one.name: table.model_of(one).coefficient(table.water_temperature)
             for one in table.circuit

@@ -302,7 +302,7 @@ def thermal_curve(
 
     Args:
         steel: The steel.
-        ends: Of the curve.
+        ends: Ends of the curve.
         start: Temperature at the meniscus, K.
         keeps_mass: Whether the slice moves, so that solid keeps its mass and not its volume.
     """

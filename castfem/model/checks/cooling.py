@@ -323,7 +323,7 @@ def _total(case: Case, water: Water) -> Faults:
 
 
 @check()
-def _told(case: Case, _: object) -> Faults:
+def _amounts(case: Case, _: object) -> Faults:
     """Report water that is given twice or not at all."""
     for key, place in _places(case):
         ways = {way: text for way, text in _SAMPLES.items() if way in type(place).model_fields}
@@ -336,15 +336,15 @@ def _told(case: Case, _: object) -> Faults:
 @check()
 def _shares(case: Case, _: object) -> Faults:
     shares = [(key, place.share) for key, place in _places(case) if place.share is not None]
-    whole = sum(share for _, share in shares)
+    total = sum(share for _, share in shares)
     if case.water is None:
         for key, _ in shares:
             fix = 'add [water] with specific = "0.8 L/kg" or flow = "1200 L/min"'
             yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
     elif not shares:
         yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
-    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares have three digits
-        yield "water", f"the shares of its zones and circuits make {whole:.6g}, not 1"
+    elif not math.isclose(total, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares have three digits
+        yield "water", f"the shares of its zones and circuits make {total:.6g}, not 1"
 
 
 def _places(case: Case) -> Iterator[tuple[str, Any]]:

@@ -84,15 +84,15 @@ def _leaves_out(case: Case, table: Extraction) -> Faults:
     ends = (places[0], *places)  # where the part of the curve of each pair begins
     above = [i for i, place in enumerate(places) if place <= rows[0] + hair and not steps[i]]
     below = [i for i, start in enumerate(ends[:-1]) if start >= rows[-1] - hair and not steps[i]]
-    told = [
+    lacking = [
         f"rolls {left[0] + 1} to {left[-1] + 1}" if len(left) > 1 else f"roll {left[0] + 1}"
         for left in (above, [i for i in below if i not in above])
         if left and left != [0]
     ]
-    if told:
+    if lacking:
         yield (
             "resistance",
             f"goes from {rows[0]:.4g} to {rows[-1]:.4g} m, the rolls from {places[0]:.4g} to "
-            f"{places[-1]:.4g} m: {' and '.join(told)} have no resistance; give the curve from "
+            f"{places[-1]:.4g} m: {' and '.join(lacking)} have no resistance; give the curve from "
             "the first pair to the last",
         )

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 def _objectives(case: Case, table: Optimise) -> Faults:
     count = len(table.objectives)
     if count != 1:
-        told = "no result to optimise" if not count else f"{count} results to optimise"
+        found = "no result to optimise" if not count else f"{count} results to optimise"
         more = ", and weigh it against another by [optimise.front]" if count else ""
         fix = f'give minimise = "von_mises_max" or maximise = "heat_removed", one of them{more}'
-        yield "", f"{told}; {fix}"
+        yield "", f"{found}; {fix}"
     for key in ("minimise", "maximise"):
         for name in getattr(table, key):
             yield from _unknown(name, key)

@@ -1,9 +1,9 @@
-"""Registry of the checks of a case; the check functions stand beside their tables.
+"""Registry of the checks of a case; the check functions are in the modules of their tables.
 
 A check takes the case and one of its tables and yields faults as pairs: the key within that table
 ("" for the table itself, "/a.b" for a key of the case, "a+b" for keys that exclude each other) and
 a text. Values of a faulty case that could not be read are `Unreadable`: a check that uses one ends
-there, and the others go on.
+there, and the others continue.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def warnings_with(
             yield Problem(("mechanics", "law"), text)
         yield from _hardens_for_good(case, law)
         yield from _limit_of_signed_strain(case, law)
-    # A composition gives the carbon content exactly; a set of fixed numbers stands for a class of
+    # A composition gives the carbon content exactly; a set of fixed numbers represents a class of
     # steels.
     carbon = case.steel.composition.get("C")
     if case.mechanics is None or carbon is None or law_carbon is None:

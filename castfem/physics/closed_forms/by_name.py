@@ -142,7 +142,7 @@ def _neumann(steel: Steel, surface: float, start: float) -> ClosedForm:
 
 
 def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
-    """It holds only for the constants of that problem."""
+    """Weiner and Boley's problem; a steel with other constants is refused."""
     found = (
         *_constants("weiner_boley", steel, surface, start),
         steel.latent_heat,

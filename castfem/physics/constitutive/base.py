@@ -81,8 +81,8 @@ class MaterialStep:
     strain_increment: Array  #: total strain, Mandel, (n, 4)
     #: isotropic thermal strain, (n,); already 0 in the mushy zone and the liquid
     thermal_increment: Array
-    temperature_old: Array  #: at the start of the step, K, (n,)
-    temperature: Array  #: at the end of the step, K, (n,)
+    temperature_old: Array  #: temperature at the start of the step, K, (n,)
+    temperature: Array  #: temperature at the end of the step, K, (n,)
     dt: float  #: length of the step, s
 
 
@@ -90,9 +90,9 @@ class MaterialStep:
 class Response:
     """Response of a law; its arrays may be reused in the next call."""
 
-    stress: Array  #: at the end of the step, Mandel, Pa, (n, 4)
+    stress: Array  #: stress at the end of the step, Mandel, Pa, (n, 4)
     tangent: Array  #: d stress / d strain increment, consistent with the step, Pa, (n, 4, 4)
-    state: Array  #: at the end, (n, states)
+    state: Array  #: state variables at the end, (n, states)
     #: viscoplastic work over the step, J/m3, (n,), without the energy stored by a back stress; the
     #: caller decides how much of it becomes heat
     dissipation: Array

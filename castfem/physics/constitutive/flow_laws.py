@@ -232,7 +232,7 @@ class ThermoElastic(RadialReturn):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """It has no state variables."""
+        """Names of the state variables: none."""
         return ()
 
 

@@ -43,8 +43,8 @@ class Hardening(RadialReturn):
 
     #: hardening variable
     hardening: Literal["accumulated", "signed"] = field(default="accumulated", kw_only=True)
-    #: tau over temperature in K, s, of dp = dp_vp - p/tau dt (and of E likewise); None without
-    #: recovery
+    #: tau over temperature in K, s, of dp = dp_vp - p/tau dt and dE = dE_vp - E/tau dt; None
+    #: without recovery
     recovery_time: Curve | None = field(default=None, kw_only=True)
 
     parameters: ClassVar[Mapping[str, Parameter]] = {"recovery_time": _RECOVERY}

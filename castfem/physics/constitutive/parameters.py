@@ -210,7 +210,7 @@ def load_law(
         elasticity: Elastic part, with the solidus.
         base_dir: Folder of the case file; by default the working folder.
         carbon: Carbon content, wt%, for laws that depend on it and do not state it.
-        delta_share: Delta ferrite in the solid over temperature in K, likewise.
+        delta_share: Delta ferrite in the solid over temperature in K, for the same laws.
 
     Raises:
         InputError: The set is faulty; all problems, one line each.

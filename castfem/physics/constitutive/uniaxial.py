@@ -28,7 +28,7 @@ class PullLimits:
     """Limits of Newton's method for the free directions of a specimen."""
 
     iterations: int = 60
-    halvings: int = 30  # of one step of it, until the residual falls
+    halvings: int = 30  # halvings of a Newton step until the residual falls
 
 
 LIMITS = PullLimits()

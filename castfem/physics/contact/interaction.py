@@ -1,4 +1,4 @@
-"""Common interface of what acts on the strand's surface: a wall, or rolls.
+"""Common interface of interactions with the strand's surface: a wall, or rolls.
 
 A settings object (`SurfaceInteraction`) describes each of them to a slice, and builds the object
 that computes it (`Interaction`). A new kind of support needs a subclass of `Interaction` with its

@@ -193,7 +193,7 @@ class LinearisedContact:
             given: Derivatives of the input other than the motion.
             moved: Motion of the points at the end of the step (n, 2, k), m.
             stress: Derivative of the stress at the points (n, 4, k), Pa, for Nitsche's method.
-            liquid: Derivative of the pressure in the liquid (n, k), Pa, likewise.
+            liquid: Derivative of the pressure in the liquid (n, k), Pa, for Nitsche's method.
         """
         place, wall = self.place, self._wall
         normal, gap = place.change(moved)

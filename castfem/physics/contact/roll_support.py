@@ -287,8 +287,8 @@ class WinklerFoundation(Interaction):
         self._beds: Mapping[str, Bed] = {name: Bed() for name in self._faces}
         self._memory, self._times = old.memory, (start, end)
         if self.given.active(end):
-            told = old.memory, start, end, before, after
-            self._beds, self._memory = self.given.foundation.beds(*told)
+            step = old.memory, start, end, before, after
+            self._beds, self._memory = self.given.foundation.beds(*step)
             if missing := [name for name in self._faces if name not in self._beds]:
                 raise InputError(
                     f"{', '.join(missing)}: rolls are to support it, but it has no bed"

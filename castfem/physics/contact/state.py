@@ -28,7 +28,7 @@ class ContactState:
     withdrawal_resistance: Array
     #: stress at the points, Mandel (n, 4), Pa; no rows with the penalty, which needs none
     stress: Array
-    internal: Array  #: state variables of the law there (n, states); likewise
+    internal: Array  #: state variables of the law there (n, states); no rows with the penalty
     place: Array  #: present positions of the points (n, 2), m
     normal: Array  #: normal of the wall there (n, 2)
     gap: Array  #: distance to the wall along its normal (n,), m; inf without a wall

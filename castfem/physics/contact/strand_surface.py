@@ -17,7 +17,7 @@ from castfem.physics.mould.wall import GapFunction, Wall
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """Where the points of a surface meet a wall."""
+    """Position of the points of a surface relative to a wall."""
 
     moved: Array  #: displacement of the points (n, 2), m
     strand: Array  #: outward normal of the strand (n, 2)
@@ -35,8 +35,8 @@ class StrandSurface:
 
     Args:
         section: The distributed section.
-        facets: The points.
-        motion: Gives the space of the displacement.
+        facets: Facets with the points.
+        motion: Motion of the slice, with the space of the displacement.
         large: Whether the geometry is that of the deformed slice.
 
     Attributes:
@@ -111,7 +111,7 @@ class StrandSurface:
         accurate as the displacement, not as the position, which is a thousand times larger.
 
         Args:
-            met: Where the wall is met.
+            met: Position of the points relative to the wall.
         """
         n, facing = np.asarray(met.found.normal), met.facing
         rest = (self._facets.position - met.near) + met.moved

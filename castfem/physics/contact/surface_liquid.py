@@ -57,14 +57,14 @@ class SurfaceLiquid:
     """Liquid and solid points of the surface of one slice, one step at a time.
 
     Args:
-        surface: Temperatures at its points.
+        surface: Temperatures at the points of the surface.
         solid: Material of the slice.
         has_friction: Whether there is friction.
         like: Another slice on the same mesh, which determines where it is molten or liquid.
 
     Attributes:
-        surface: As given.
-        temperatures: At the points (n,), at the start and the end of the step, K.
+        surface: Temperatures at the points of the surface.
+        temperatures: Temperatures of the points (n,) at the start and the end of the step, K.
         molten: Points that carry no friction (n,); all False in a step without friction.
         fed: Whether the liquid is fed.
         pool: Pressure of fed liquid that reaches the surface (n,), Pa; 0 elsewhere.

@@ -76,7 +76,8 @@ class SurfaceStress:
         law: Constitutive law.
 
     Attributes:
-        strained: As given. response: Last response of the law.
+        strained: Strain of the points.
+        response: Last response of the law.
         strain: Strain increments of that response (n, 4).
         liquid: Ferrostatic pressure at the points at the end of the step (n,), Pa.
     """
@@ -99,7 +100,7 @@ class SurfaceStress:
 
         Args:
             old: Committed state.
-            temperatures: At the points, at start and end of the step, K.
+            temperatures: Temperatures at the points, at start and end of the step, K.
             liquid: Ferrostatic pressure at the points at its end, Pa.
             dt: Duration, s.
             solid: Gives the thermal strain.
@@ -124,8 +125,7 @@ class SurfaceStress:
 
         Returns:
             n . sigma n (n,), including ferrostatic pressure; its derivatives by the strain (n, 4)
-                and
-            by the angle of rotation of the stress (n,).
+            and by the angle of rotation of the stress (n,).
         """
         self.strain, angle = self.strained.of_step()
         stress_old, internal = self._old.stress, self._old.internal

@@ -161,9 +161,9 @@ class WallContact(DifferentiableInteraction):
         self._travel.value = travelled
         self.slip = travelled - (contact.stroke(end) - contact.stroke(start))
         self.liquid.begin(old.gap, before, after, end)
-        # Not from the tangent, of which a point that freezes within the step has only a part.
-        # Liquid presses with its ferrostatic pressure, not with its stiffness, but is met with the
-        # stiffness of the solid: otherwise its penetration would be pushed out when it freezes.
+        # Not from the tangent, of which a point that freezes within the step has only a part. The
+        # stiffness of the solid is used for liquid, too, which presses with its ferrostatic
+        # pressure: otherwise its penetration would be pushed out when it freezes.
         elasticity, surface = solid.law.elasticity, self.liquid.temperatures[1]
         bulk = elasticity.moduli(np.minimum(surface, elasticity.solidity.solidus))[1]
         self.stiffness: Array = np.asarray(

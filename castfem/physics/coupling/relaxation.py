@@ -32,7 +32,7 @@ class Relaxation:
     Attributes:
         factor: Factor on the last residual.
         residual: Last result minus its input; None before the first.
-        reached: Where both are finite.
+        reached: Whether last result and input are finite (n,).
     """
 
     def __init__(self, comm: MPI.Comm, weight: Array) -> None:

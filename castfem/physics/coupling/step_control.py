@@ -30,7 +30,7 @@ class StepLimits:
     shrink: float = 0.2  # smallest factor after too large an error
     failed: float = 0.25  # factor on the step after a failure of the solver
     rounding: float = 1e-6  # rounding of a step, relative to the smallest
-    rungs: tuple[float, ...] = (1.0, 1.25, 1.6)  # of the ladder, from one to its double
+    rungs: tuple[float, ...] = (1.0, 1.25, 1.6)  # steps of the ladder between 1 and 2
     # largest expected error of the first step after a change of cooling, as a fraction of the
     # allowed error; the expected error leaves out what neighbouring vertices add
     jump: float = 0.1
@@ -46,7 +46,7 @@ def rung(step: float, unit: float) -> float:
 
     Args:
         step: Step to be shortened.
-        unit: Reference step; the ladder has 1, 4/5, 5/8, 1/2 ... of it, and likewise longer steps.
+        unit: Reference step; the ladder has 1, 4/5, 5/8, 1/2 ... of it, and 5/4, 8/5, 2 ...
     """
     limit = step / unit * (1.0 + LIMITS.rounding)
     whole = 2.0 ** (math.frexp(limit)[1] - 1)
@@ -78,7 +78,7 @@ NO_STEP = StepLength(0.0)
 class Proposal:
     """A step to try."""
 
-    end: float  #: where it ends, s
+    end: float  #: time at its end, s
     taken: float  #: length, s
     base: float  #: length without growth, s
     clipped: bool  #: whether a milestone or a limit ends it
@@ -245,7 +245,7 @@ class StepControl:
         if self._adaptive is None:
             return length
         first = self._adaptive.first
-        # At the start of a run no step has told of an error yet.
+        # At the start of a run no error of a step is known yet.
         longest = self._adaptive.largest if length == self.first else max(length.step, first)
         rungs = max(round(math.log2(longest / first) / LIMITS.finer), 0) + 1
         steps: Array = np.geomspace(first, longest, rungs, dtype=float)

@@ -102,7 +102,7 @@ class ThermalSteps:
         return self.control.learn(tried, result.error), self.control.accepts(result.error)
 
     def to(self, state: ThermalState, length: StepLength, end: float) -> SubSteps:
-        """As many steps as needed to `end` (s), the first of a given length.
+        """Take the steps needed to reach `end` (s), the first of a given length.
 
         Raises:
             RunFailure: A step of the smallest size failed.
@@ -115,7 +115,7 @@ class ThermalSteps:
     def through(
         self, state: ThermalState, length: StepLength, instants: Sequence[float]
     ) -> tuple[SubSteps, list[Moment]]:
-        """As many steps as needed to the last of some times (s), all of which are hit.
+        """Take the steps needed to reach the last of some times (s); steps end at all of them.
 
         Returns:
             The steps, and the temperatures at each of the times.

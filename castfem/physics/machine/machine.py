@@ -162,7 +162,7 @@ class OverTime:
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Times at which the slice reaches the rows of the table, s, as far as it does."""
+        """Times at which the slice reaches rows of the table, s."""
         if self.table.over == "speed":
             return tuple(_speeds_met(self.table.arguments, self.machine))
         times = (self.machine.time_at(position) for position in self.table.arguments)

@@ -47,12 +47,12 @@ class Rolls:
     pairs: tuple[Pair, ...]  #: from the mould on
     #: face to which the radii refer, and along which positions are measured
     face: Face = "extrados"
-    #: where each pair was defined, for messages
+    #: file and key of the definition of each pair, for messages
     places: tuple[str, ...] = field(default=(), compare=False)
     edges: Rolls | None = None  #: the pairs at the narrow faces; None without any
 
     def place(self, index: int) -> str:
-        """Where a pair was defined, for messages."""
+        """File and key of the definition of a pair, for messages."""
         return self.places[index] if index < len(self.places) else f"roll {index + 1}"
 
     @property

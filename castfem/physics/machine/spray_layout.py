@@ -133,7 +133,7 @@ def stretches(
     """Return the stretches of a face between two positions, in casting order, without gaps.
 
     Args:
-        contacts: Where it touches each roll, m; twice the same position for no contact.
+        contacts: Start and end of contact with each roll, m; equal positions for no contact.
         rows: Nozzles that spray it.
         start: Start, from the meniscus, m.
         end: End, from the meniscus, m.

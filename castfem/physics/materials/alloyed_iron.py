@@ -6,13 +6,12 @@ freezing point falls: it depends on the liquid's content at the solid fraction f
     X = X0/(1 - f (1 - k)),
 
 with the partition k, which is the lever rule again; k of manganese falls with the silicon in the
-liquid, and that of silicon with the manganese. A liquid with so much of both freezes as that of
-iron and carbon does, some kelvins lower; the crystals beside it hold a share of the carbon that
-both change a little. Liquid with delta ferrite, and liquid with austenite, each have their numbers
-(`BESIDE`), fitted to equilibria of [PovodenKaradeniz2016]; docs/materials.md tells how near they
-are.
+liquid, and that of silicon with the manganese. A liquid with these contents freezes like one of
+iron and carbon, at a temperature that is some kelvins lower; both elements also change the carbon
+of the crystals a little. The parameters (`BESIDE`) for liquid with delta ferrite and for liquid
+with austenite are fitted to equilibria of [PovodenKaradeniz2016]; docs/materials.md has the errors.
 
-Where the liquid beside one solid would freeze to the other there is the peritectic reaction. In the
+The peritectic reaction occurs where the liquid beside one solid would freeze to the other. In the
 database liquid, delta ferrite and austenite coexist over 0 to 2 K, depending on the steel; here it
 is one temperature, the lower end, which differs from steel to steel.
 """
@@ -48,19 +47,19 @@ GAMMA_REACH = 25.0  # K above the peritectic up to which the austenite line besi
 class Beside:
     """Effects of manganese and silicon in a liquid, wt%, on its equilibrium with a solid."""
 
-    #: of each its content in the solid over that in the liquid: alone, and what carbon, and the
-    #: other of the two, in the liquid add to that, per wt%
+    #: partition of each (content in the solid over that in the liquid), and its changes by carbon
+    #: and by the other of the two in the liquid, per wt%
     partition: tuple[tuple[float, float, float], tuple[float, float, float]]
-    drop: tuple[float, float]  #: of the freezing point, K per wt%
-    together: float  #: the same of their product, K per wt%^2
-    twice: float  #: the same of the square of silicon, K per wt%^2
-    with_carbon: tuple[float, float]  #: of the product of each with carbon in the liquid, K/wt%^2
-    solid_carbon: tuple[float, float]  #: what they add to the carbon of the solid, of it, per wt%
+    drop: tuple[float, float]  #: drop of the freezing point, K per wt%
+    together: float  #: drop by the product of both, K per wt%^2
+    twice: float  #: drop by the square of silicon, K per wt%^2
+    with_carbon: tuple[float, float]  #: drop by the product of each with carbon, K per wt%^2
+    solid_carbon: tuple[float, float]  #: relative change of the carbon of the solid, per wt%
 
     def gathered(self, contents: tuple[float, float], solid: Array, carbon: Array) -> list[Array]:
-        """Contents of a liquid with carbon, wt%, where a fraction is solid (any shape), wt%.
+        """Contents, wt%, of a liquid with carbon, wt%, at a solid fraction (any shape).
 
-        Both of `x (p + q y) = X` and `y (r + s x) = Y`, the balances of manganese and silicon.
+        They solve `x (p + q y) = X` and `y (r + s x) = Y`, the balances of manganese and silicon.
         """
         (p, q), (r, s) = (
             (1.0 - solid * (1.0 - alone - by_carbon * carbon), solid * by_other)
@@ -72,7 +71,7 @@ class Beside:
         return [mn, all_si / (r + s * mn)]
 
     def lowered(self, carbon: Array, gathered: list[Array]) -> Array:
-        """Freezing point of a liquid with these contents, wt%, below that of iron and carbon, K."""
+        """Drop of the freezing point by these contents, wt%, from that of iron and carbon, K."""
         both = sum(
             (a + c * carbon) * x
             for a, c, x in zip(self.drop, self.with_carbon, gathered, strict=True)
@@ -117,7 +116,7 @@ class Pair:
         return self.on_lines(0.5 * (low + high), f)
 
     def on_lines(self, middle: Array | float, solid: Array) -> tuple[Array, Array, Array]:
-        """As `at`, where the lines of iron and carbon are at a temperature, K."""
+        """Like `at`, at a temperature on the lines of iron and carbon, K."""
         in_liquid = self.liquid.carbon(middle)
         gathered = self.beside.gathered(self.contents, solid, in_liquid)
         share = 1.0 + sum(e * x for e, x in zip(self.beside.solid_carbon, gathered, strict=True))
@@ -129,8 +128,8 @@ class Pair:
 
         Args:
             other: Liquid with the other solid.
-            place: Its temperature and carbon, as `at`.
-            solid: Fraction of that which is solid.
+            place: Its temperature and carbon, as returned by `at`.
+            solid: Its solid fraction.
         """
         t, held, _ = place
         gathered = other.beside.gathered(self.contents, solid, held)
@@ -181,7 +180,7 @@ class AlloyedIron:
 
     @cached_property
     def solid_ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Where delta ferrite, and austenite, coexist with liquid and each other: K and wt% C."""
+        """Temperature (K) and carbon (wt%) of delta and gamma that coexist with liquid."""
         near, melting = self.lines.liquid_gamma.first[0], self.lines.liquid_delta.first[0]
         one, found = np.ones(()), []
         for mine, other, start, end in (

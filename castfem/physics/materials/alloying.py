@@ -35,9 +35,9 @@ TRANSFORMATION_RISE = {"Si": -60.0, "Mn": 12.0, "P": -140.0, "S": -160.0}
 ELEMENTS = tuple(LIQUIDUS_DROP)
 
 
-# Of these the assessed diagram knows more, up to a content, wt% (`alloyed_iron`): it raises the
-# delta -> gamma temperature of iron, K per wt%, fitted to [PovodenKaradeniz2016]. Beyond it, and of
-# the other elements, the regression of the liquidus is known.
+# Elements of the assessed diagram (`alloyed_iron`): their rise of the delta -> gamma temperature of
+# iron, K per wt%, fitted to [PovodenKaradeniz2016], and the largest content, wt%. Beyond it, and
+# for the other elements, only the regression of the liquidus is available.
 FITTED = {"Mn": (17.0, 2.0), "Si": (-38.0, 0.6)}
 
 

@@ -20,7 +20,7 @@ from castfem.base.types import Array
 from castfem.physics.materials.curve_loop import evaluate
 
 Side = Literal["left", "right"]
-CELLS = 8  # of the grid on which pieces are looked up, for each piece
+CELLS = 8  # cells per piece of the grid on which pieces are looked up
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from castfem.base.shared_code import addresses, loaded
 from castfem.base.types import Array, Indices
 
 COLUMNS = 8
-"""Of a piece: T, H, theta, k, c, c squared, twice the slope of c, the slope of k."""
+"""Columns of a piece: T, H, theta, k, c, c squared, twice the slope of c, slope of k."""
 
 
 def evaluate(
@@ -29,7 +29,7 @@ def evaluate(
 
     Args:
         enthalpy: H (n,), J/m3.
-        pieces: What holds where a piece of the curve begins, and its slopes (pieces, COLUMNS).
+        pieces: Values at the start of each piece of the curve, and slopes (pieces, COLUMNS).
         ends: H at the end of each piece (pieces,), increasing; the last is NaN, which no enthalpy
             reaches.
         first: First piece in each cell of an even grid of enthalpies (cells,).
@@ -37,7 +37,7 @@ def evaluate(
         per_enthalpy: Cells per enthalpy, m3/J.
 
     Returns:
-        The four (4, n), in K, K m3/J, W/m and m2/s; NaN where the enthalpy is.
+        The four results (4, n), in K, K m3/J, W/m and m2/s; NaN where the enthalpy is NaN.
     """
     if pieces.shape != (len(ends), COLUMNS) or enthalpy.ndim != 1 or not np.isnan(ends[-1]):
         raise ValueError("arrays of a curve that do not belong together")

@@ -25,28 +25,28 @@ CARBIDES = ("CEMENTITE", "M7C3", "M23C6", "M6C", "M3C2")
 USUAL = re.compile(rf"(LIQUID|BCC_A2|FCC_A1|{'|'.join(CARBIDES)}|MNS(_Q)?)(_D\d+)?")
 CARBIDE_CARBON = 0.2  # mole fraction above which a face-centred phase is a carbide, such as NbC
 
-Moles = dict[str, float]  # by element
+Moles = dict[str, float]  # amounts by element
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
     """Accuracy of the table of equilibria."""
 
-    longest: float = 5.0  # K, between rows
-    narrowest: float = 0.01  # K, how well the temperature is known at which a phase comes
-    fraction: float = 5e-4  # that linear interpolation between two rows may be off
-    enthalpy: float = 100.0  # J/kg, likewise
-    jump: float = 0.02  # of a fraction, over the narrowest, that no interpolation stands for
-    #: J/kg, by which pieces of a phase's enthalpy may miss one another where they meet; that of
-    #: liquid iron falls by 6 at 1811 K in [PovodenKaradeniz2016]
+    longest: float = 5.0  # largest interval between rows, K
+    narrowest: float = 0.01  # accuracy of the temperature at which a phase appears, K
+    fraction: float = 5e-4  # error of a fraction by linear interpolation between two rows
+    enthalpy: float = 100.0  # error of the enthalpy by linear interpolation, J/kg
+    jump: float = 0.02  # change of a fraction within `narrowest` that counts as a jump
+    #: jump between pieces of a phase's enthalpy that is ignored, J/kg; that of liquid iron falls by
+    #: 6 at 1811 K in [PovodenKaradeniz2016]
     misfit: float = 20.0
-    freezing: float = 0.02  # of all, that freezes in a step of a Scheil path before carbon moves
-    passes: int = 30  # of freezing and moving of carbon in a step, at most
-    step: float = 1.0  # K, largest of a Scheil path
-    potential: float = 1e-4  # over RT, to which those of carbon agree
-    settled: float = 1e-4  # kg of a kilogram, that freezes once more when carbon has moved
+    freezing: float = 0.02  # fraction that may freeze in a Scheil step before carbon moves
+    passes: int = 30  # largest number of passes of freezing and moving of carbon in a step
+    step: float = 1.0  # largest step of a Scheil path, K
+    potential: float = 1e-4  # allowed difference of the potentials of carbon over RT
+    settled: float = 1e-4  # further freezing of a kilogram, kg, below which passes end
     #: points by which pycalphad samples a phase: at some temperatures it finds a state that is not
-    #: the most stable one, and the best of several counts; more where these do not fit together
+    #: the most stable one, so the best of several is taken; more points if these are inconsistent
     samples: tuple[tuple[int, ...], ...] = ((60, 20), (60, 20, 200), (60, 20, 200, 1000))
 
 

@@ -27,7 +27,7 @@ COLDEST, HOTTEST, LIMIT = 298.15, 1873.15, 2473.15
 
 
 def refined(at: Callable[[float], State], cold: State, hot: State) -> list[State]:
-    """States between two others, so dense that values are linear in between.
+    """States between two others, so close that values are linear in between.
 
     Where a phase appears, the last two are `Settings.narrowest` apart.
     """
@@ -48,9 +48,9 @@ def _is_linear(cold: State, middle: State, hot: State) -> bool:
 
 
 def joined(rows: Sequence[State]) -> list[State]:
-    """Rows, one where a phase comes, of no mass of it there; two of one temperature at a jump.
+    """Join rows at phase changes: one without mass of the new phase, or two at a jump.
 
-    A row is left out whose enthalpy falls by no more than `Settings.misfit`.
+    A row whose enthalpy falls by no more than `Settings.misfit` is left out.
     """
     found = [rows[0]]
     for cold, hot in itertools.pairwise(rows):
@@ -156,7 +156,7 @@ class ScheilPath:
         return rows[::-1]
 
     def _cooled(self, temperature: float, least: float) -> ScheilPath | None:
-        """The steel at a lower temperature; None if less than `least` kg are liquid at first."""
+        """The steel at a lower temperature; None if less than `least` kg stay liquid at first."""
         liquid, solid = dict(self.liquid), dict(self.solid)
         for number in range(SETTINGS.passes):
             state = self.solve.state(temperature, liquid)

@@ -28,11 +28,11 @@ Fraction = Callable[[Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class TearingNumerics:
-    """How integrals over the mushy zone and over a step are taken."""
+    """Numerical parameters of integrals over the mushy zone and over a step."""
 
-    panels: int = 64  # of an integral over the mushy zone
-    points: int = 16  # Gauss points in each of them
-    parts: int = 8  # sub-steps in which a step is followed
+    panels: int = 64  # panels of an integral over the mushy zone
+    points: int = 16  # Gauss points of each panel
+    parts: int = 8  # sub-steps of a step
     no_strain: float = 1e-12  # rounding of zero strain
 
 

@@ -97,9 +97,9 @@ class Lines:
     """The lines of the iron-carbon diagram at freezing, and the transformation of pure iron."""
 
     liquid_delta: Line  #: liquid in equilibrium with delta ferrite, from the melting point
-    delta: Line  #: delta ferrite in equilibrium with liquid, likewise
+    delta: Line  #: delta ferrite in equilibrium with liquid, from the melting point
     liquid_gamma: Line  #: liquid in equilibrium with austenite, from the peritectic
-    gamma: Line  #: austenite in equilibrium with liquid, likewise
+    gamma: Line  #: austenite in equilibrium with liquid, from the peritectic
     transformation: float  #: delta -> gamma of pure iron, K
     #: bends of the lines from there to the peritectic, for delta ferrite and austenite, wt%
     bends: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))

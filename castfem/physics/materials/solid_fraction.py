@@ -80,7 +80,7 @@ class TableFraction:
         ValueError: The values do not fall from 1 to 0.
     """
 
-    #: over temperature from the solidus to the liquidus: 1 first and 0 last, never rising
+    #: table over temperature from the solidus to the liquidus: 1 first and 0 last, never rising
     table: Table
     jumps: tuple[float, ...] = ()
     curved: bool = False

@@ -60,7 +60,7 @@ class Fields:
             points.mean.fill(self.pressure, points.linear(pressure))
 
     def take_tangent(self, points: ActivePoints, response: Response) -> Array:
-        """Split the tangent likewise: volume changes in laws are only elastic.
+        """Split the tangent in the same way: laws change the volume only elastically.
 
         At flowing points a small stiffness against change of shape remains: that of perfect
         plasticity is zero along the flow, and rounding makes it negative.

@@ -83,8 +83,7 @@ class ForceOperators:
 
         Returns:
             Forces at this rank's nodes, including ghosts (dofs, k), N/m; work on each generalized
-                strain
-            (4, k).
+            strain (4, k).
         """
         self._follow()
         found = np.array([self._work @ one.ravel() for one in stress]).T

@@ -58,7 +58,7 @@ STRAIGHT = Bending()
 class StepTaken:
     """Data of an accepted step for the planes."""
 
-    time: float  #: at its end, s
+    time: float  #: time at its end, s
     #: returns M at its end, N m (collective); only called for bent planes
     moment: Callable[[], float]
     change: Array  #: change of the generalized strains (4,)
@@ -130,7 +130,7 @@ class ScaledPlanes:
 
     offset: Array  #: generalized strains where the free scalars are zero (4,)
     directions: Array  #: generalized strains for each unknown (4, free), 1/m and 1/m2
-    test_directions: Array  #: test directions (4, free), scaled likewise
+    test_directions: Array  #: test directions (4, free), 1/m and 1/m2
     load: Array  #: work of the external forces in them (free,), N/m
     scaling: Array  #: free scalar for each unknown, 1/m
     coupled: bool  #: whether `test_directions` differ from `directions`

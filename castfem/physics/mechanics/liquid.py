@@ -4,8 +4,8 @@ The liquid of a slice is part of a pool that extends to the meniscus. Where the 
 liquid flows in; where the shell comes nearer, it flows out. It resists neither, and its mesh must
 move only because heat is computed on it. The nodes are therefore of two kinds:
 
-    shell   of cells with a point that is solid enough to carry stress, and of the cells at the
-            surface, which stand for the shell before there is one;
+    shell   nodes of cells with a point that is solid enough to carry stress, and of the cells at
+            the surface, which represent the shell before there is one;
     deep    all others.
 
 Equilibrium is that of the shell: deep nodes are prescribed, cells without solid have no stress

@@ -27,9 +27,9 @@ class MechanicalState:
     rate: Array  #: d displacement / dt of the owned nodes over the last step, m/s
     scalar_rate: Array  #: d scalars / dt
     unsteadiness: float  #: relative change of the rates over the last step; inf before the first
-    temperature: Array  #: at the owned vertices, K
-    #: at the points, Mandel (points, 4), Pa; only the mean stress counts at the points of its rule,
-    #: only the deviator at the others
+    temperature: Array  #: temperature of the owned vertices, K
+    #: stress at the points, Mandel (points, 4), Pa; only the mean stress is used at the points of
+    #: its rule, only the deviator at the others
     stress: Array
     internal: Array  #: state variables of the law (points, states)
     pressure: Array  #: ferrostatic pressure at the points of the mean stress, Pa; empty without one

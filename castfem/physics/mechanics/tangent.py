@@ -86,7 +86,7 @@ class ActivePart:
 
         Args:
             planes: Compute its work on the generalized strains.
-            pressure: At all points of the mean stress, Pa; empty without ferrostatic pressure.
+            pressure: Pressure at all points of the mean stress, Pa; empty without any.
         """
         if self._kinematics.rest is None:
             return Rest(self._nothing, np.zeros(4), np.zeros(2))
@@ -138,7 +138,7 @@ class Tangent:
             missing: Their remaining motion, m, at `Constraints.fixed`.
 
         Returns:
-            At this rank's own unknowns, N/m (valid until the next call).
+            Forces at this rank's own unknowns, N/m (valid until the next call).
         """
         vector, form = self.work.x, self.kinematics.forms.stiffness
         self._take(response)

@@ -148,8 +148,8 @@ class Validity:
                 _, x, y = reductions.peak(self._comm, one.values, one.places)
                 at = f" at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm" if np.isfinite(x) else ""
                 more = "" if one.more is None else one.more()
-                told = one.message.format(worst, -worst) + more
-                message = f"beyond {self._limits.name}: {told}{at}"
+                excess = one.message.format(worst, -worst) + more
+                message = f"beyond {self._limits.name}: {excess}{at}"
                 early = one.loaded and not reductions.any_of(self._comm, bool(solid.any()))
                 return f"{message}; {NO_SHELL if early else self._limits.mend}"
         return ""

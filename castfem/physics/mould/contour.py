@@ -25,8 +25,8 @@ class Contour:
             corner; used only by rays that meet no segment.
 
     Attributes:
-        segments: As given.
-        prolonged: As given.
+        segments: Segments of the wall.
+        prolonged: Straight continuations of the faces.
     """
 
     def __init__(self, segments: Sequence[Segment], prolonged: Sequence[Segment] = ()) -> None:

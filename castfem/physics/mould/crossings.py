@@ -30,15 +30,15 @@ GRAZING = 0.02
 """Cosine between ray and wall normal below which a ray is parallel to the wall (89 degrees)."""
 STRAIGHT, CIRCULAR, PARABOLIC = range(3)
 COLUMNS = 8
-"""Of a segment: its kind, and up to seven numbers, those of the method `numbers` of its class."""
+"""Columns of a segment: its kind, and up to seven numbers from its method `numbers`."""
 
 
 def nearest(segments: Array, points: Array, rays: Array, slack: float) -> Array:
     """The nearest intersection of each ray, on either side of its point.
 
     Args:
-        segments: The segments (k, COLUMNS), SI.
-        points: The points (n, 2), m.
+        segments: Segments (k, COLUMNS), SI.
+        points: Starting points of the rays (n, 2), m.
         rays: Unit vectors (n, 2).
         slack: Overlap of the segments at their joints, m.
 

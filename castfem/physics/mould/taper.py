@@ -50,7 +50,7 @@ class TaperProfile(Protocol):
 class Taper:
     """Taper in segments: one for a single taper, two for a double one, and so on."""
 
-    #: in casting order, each with its end; the last one ends with the mould
+    #: segments in casting order, each with its end; the last one ends with the mould
     segments: tuple[TaperSegment, ...]
 
     def __post_init__(self) -> None:

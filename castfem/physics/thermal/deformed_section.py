@@ -25,7 +25,8 @@ class Shape:
         gradient: In-plane deformation gradient F (2, 2).
         thickness: Thickness e, relative to the undeformed one.
         area: Undeformed area of each owned vertex (owned,), m2.
-        displacement: Displacement of the slice. generalized_strains: Likewise (4,).
+        displacement: Displacement of the slice.
+        generalized_strains: Generalized strains of the slice (4,).
         volume: Form of the volume enclosed by the slice at each vertex.
     """
 

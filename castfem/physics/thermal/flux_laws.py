@@ -252,7 +252,7 @@ class Radiation(SurfaceLaw):
     Attributes:
         emissivity: eps_strand; a number or a function of the temperature, K.
         ambient: Ambient temperature Ta, K.
-        wall_emissivity: eps_wall, likewise.
+        wall_emissivity: eps_wall; a number or a function of the temperature, K.
         refractive_index: Refractive index m.
         absorption: Absorption coefficient a, 1/m.
         gap: Gap d, m; a number or one per surface node; None: none, or that of the contact beside

@@ -24,7 +24,7 @@ class Jump:
     stepper: ThermalStepper
     before: ThermalState  #: state at the change, with the rates before it
     rate: Array  #: dH/dt with the present cooling (owned,), W/m3
-    decay: Array  #: how fast the balance of a vertex closes (owned,), 1/s
+    decay: Array  #: rate at which the balance of a vertex closes (owned,), 1/s
 
     @classmethod
     def of(cls, stepper: ThermalStepper, state: ThermalState) -> Jump:

@@ -19,7 +19,7 @@ from castfem.forms.heat import conduction, conduction_moved, slice_measure, stor
 from castfem.physics.thermal.deformed_section import Shape
 
 ITERATED, FACTORED = "thermal_", "thermal_direct_"  # prefixes of the solvers
-# Methods that never multiply the correction of the enthalpy by the matrix, which is not for it.
+# Methods that never multiply the correction of the enthalpy by the matrix, which is not that of H.
 BY_RESIDUAL = {"snes_type": ("newtonls",), "snes_linesearch_type": ("basic", "l2", "cp")}
 # Newton's full step on the enthalpy needs no line search.
 NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}
@@ -28,14 +28,14 @@ NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}
 # solve it to the accuracy that Newton's method can use, at any size (docs/benchmarks.md).
 REDUCTION = 1e-9
 ITERATIVE = {"ksp_type": "cg", "ksp_rtol": REDUCTION, "ksp_max_it": 300}
-# Where they do not, which a step a thousand times too long can bring about, it is factored.
+# If they do not, as in a step that is a thousand times too long, the matrix is factored.
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
 SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
 PARALLEL_LU = {"pc_factor_mat_solver_type": "mumps"}
 
 
 def iterative_options(ranks: int, asked: Options) -> dict[str, object]:
-    """Options of the iterative solver on so many ranks.
+    """Options of the iterative solver on a number of ranks.
 
     Args:
         ranks: Number of ranks.

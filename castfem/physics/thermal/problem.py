@@ -4,21 +4,21 @@ With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3
 
     M (H - H_base) + tau [ L theta(H) + w q(T(H)) - M s ] = 0,
 
-M the vertices' areas, L the Laplacian of the section, w their shares of the perimeter, s heat
-generated inside.  L is assembled once, or once a coupling window in a slice that moves.  Newton's
-correction is solved for as y = dtheta/dH dH, of a symmetric matrix that differs in its diagonal
-alone from one iteration to the next,
+with M the vertices' areas, L the Laplacian of the section, w their shares of the perimeter, and s
+heat generated inside. L is assembled once, or once per coupling window in a slice that moves.
+Newton's correction is solved for as y = dtheta/dH dH, with a symmetric matrix of which only the
+diagonal changes between iterations,
 
     [ diag(M / (dtheta/dH) + tau w dq/dT / k) + tau L ] y = residual;
 
 where freezing is isothermal dtheta/dH = 0: there y = 0, and the balance of the vertex gives dH.
-On rectangles and Delaunay triangles, and where the flux
-grows with the temperature, the Jacobian is an M-matrix with dominant columns for every step and
-every freezing range, so the stage has one solution; where the flux falls (boiling) a long stage may
-have several, see `unique_root`.  Newton's method on H (not on T) has no difficulty with isothermal
-freezing.  Other quadrilaterals, as they stand round an arc, give L some positive entries off its
-diagonal, up to 7 % of it, and the shear of the shell as many as it has strain; there the maximum
-principle holds but for hundredths of a kelvin (docs/thermal.md).
+On rectangles and Delaunay triangles, and where the flux grows with the temperature, the Jacobian is
+an M-matrix with dominant columns for every step and every freezing range, so the stage has one
+solution; where the flux falls (boiling) a long stage may have several, see `unique_root`. Newton's
+method on H (not on T) has no difficulty with isothermal freezing. Other quadrilaterals, such as
+those along an arc, give L some positive entries off its diagonal, up to 7 % of it, and so does the
+shear of the shell, in proportion to its strain; there the maximum principle is violated by
+hundredths of a kelvin (docs/thermal.md).
 
 For a moving slice, H is per volume of the steel when it froze, and M the present volume of each
 vertex' steel: that of the undeformed slice times `filled`, which follows the shape while there is
@@ -282,7 +282,7 @@ class ThermalProblem:
             diagonal: Work space.
 
         Returns:
-            Where y is known (collective).
+            Vertices with known y (collective).
         """
         held = point.conduction_slope <= 0.0
         held[self._fixed] = True
@@ -339,15 +339,15 @@ class ThermalProblem:
         return other
 
     def rate(self, point: CurvePoint, time: float) -> tuple[Array, Array]:
-        """How fast the steel warms at given temperatures with the present cooling.
+        """Rate of the enthalpy at given temperatures with the present cooling.
 
         Args:
             point: Values of the curve at the vertices.
             time: Time since the meniscus, s.
 
         Returns:
-            dH/dt (owned,), W/m3, and how fast it decays while the other vertices keep their
-            temperatures (owned,), 1/s.  Both are 0 where the temperature is prescribed.
+            dH/dt (owned,), W/m3, and its rate of decay while the other vertices keep their
+            temperatures (owned,), 1/s. Both are 0 where the temperature is prescribed.
         """
         flow, slope = self.conducted(point.conduction) - self._source, np.zeros_like(self.area)
         cooled = self.surface_heat.vertices

@@ -37,7 +37,7 @@ class Correlation:
     #: lowest and highest measured surface temperature, K; for `wendelstorf` relative to the water
     surface: tuple[float, float] = (0.0, math.inf)
     excess: bool = False  #: whether `surface` is relative to the water
-    held: str = ""  #: what is constant beyond the largest flow; "": the formula is extrapolated
+    held: str = ""  #: quantity that is constant beyond the largest flow; "" for extrapolation
 
     def coefficient(
         self, water: Flow, water_temperature: float, machine_factor: float, surface: Array
@@ -56,7 +56,7 @@ def flows_up_to(most: float, least: float = 0.0) -> Array:
 
     Args:
         most: Largest flow, L/(m2 s).
-        least: A flow to be among them, L/(m2 s).
+        least: A flow that is included, L/(m2 s).
     """
     growing = most * np.geomspace(0.01, 1.0, 50)
     growing[-1] = most  # without rounding

@@ -67,7 +67,7 @@ class CoefficientTable:
 
     @cached_property
     def packed(self) -> Array:
-        """The whole table in one piece, for compiled code."""
+        """The table as one array, for compiled code."""
         return packed(*self._arrays)
 
     @property
@@ -78,8 +78,8 @@ class CoefficientTable:
     def extremes(self, most: float, temperatures: Array) -> tuple[Array, Array]:
         """See `Coefficient`: the rise is linear between rows, on both sides of each, and columns.
 
-        Flows between the columns make no smaller ones, but tell a vertex with less water from one
-        with more.
+        Flows between the columns have no smaller rise, but distinguish vertices with less and more
+        water.
         """
         rows, flows, _ = self._arrays
         fourths = np.arange(4 * len(flows) - 3) / 4.0
@@ -144,7 +144,7 @@ def water_across(places: Array, nozzles: Sequence[float], width: float, edge: fl
 
     Args:
         places: Positions across the face, from its middle (n,), m.
-        nozzles: Positions of the nozzles, likewise, m.
+        nozzles: Positions of the nozzles across the face, from its middle, m.
         width: Width of a spray, m.
         edge: Fraction of the half width over which the water falls: 0 for uniform, 1 for a
             triangle.

@@ -57,7 +57,7 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Where the correction y of the conduction integral is known: isothermal or prescribed."""
+    """Vertices with a known correction y of the conduction integral: isothermal or prescribed."""
 
     places: npt.NDArray[np.intp]  #: owned vertices
     anywhere: bool  #: whether any rank has some

@@ -210,9 +210,9 @@ class ThermalStepper:
     ) -> tuple[bool, Array | None]:
         """Whether vertices would come back after a second-order step; the rate of the next step.
 
-        The rates at its end tell this for single vertices, but also for modes so fast that they do
-        not matter: where rates reverse, the first stage of an equal step is solved. The next step
-        reuses it, if nothing changes until then. (Collective.)
+        The rates at its end indicate this for single vertices, but also for modes so fast that they
+        do not matter: where rates reverse, the first stage of an equal step is solved. The next
+        step reuses it, if nothing changes until then. (Collective.)
         """
         last, tau = stages[-1], GAMMA * dt
         moved, kelvin = last.enthalpy - old.enthalpy, last.point.temperature_slope

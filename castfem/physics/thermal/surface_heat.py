@@ -77,7 +77,7 @@ class SurfaceHeat:
         """Heat that leaves each of the vertices.
 
         Args:
-            temperature: Of all owned vertices (owned,), K.
+            temperature: Temperatures of all owned vertices (owned,), K.
             time: Time since the meniscus, s.
 
         Returns:

@@ -1,6 +1,6 @@
-"""The loop over the terms of the heat through the surface, compiled: it runs in each iteration.
+"""The compiled loop over the terms of the heat through the surface, called in each iteration.
 
-Its formulas are those of `Convection`, `Radiation` and `CoefficientTable`, for one vertex each. The
+Its formulas are those of `Convection`, `Radiation` and `CoefficientTable` for a single vertex. The
 machine code is kept as a shared library (`castfem.base.shared_code`).
 """
 
@@ -20,7 +20,7 @@ from castfem.base.types import Array, Indices
 FIXED, CURVE, RADIATION, SPRAY = range(4)
 """Kinds: a fixed coefficient, one over temperature, radiation (32), the table of a spray."""
 COLUMNS = 6
-"""Of a term: kind, factor (m), ambient (K), number, scale, and its curve or start of its table."""
+"""Columns of a term: kind, factor (m), ambient (K), number, scale, curve or start of its table."""
 
 
 def add_up(
@@ -30,13 +30,13 @@ def add_up(
 
     Args:
         vertex: Vertex of each term (m,).
-        terms: The terms (m, COLUMNS).
-        temperature: At the vertices (n,), K.
+        terms: Terms (m, COLUMNS).
+        temperature: Temperatures of the vertices (n,), K.
         curves: Coefficients or emissivities at these temperatures, and derivatives (c, 2, n).
         tables: Contents of all tables, see `packed` (any length).
 
     Returns:
-        Both (2, n).
+        Heat and derivative (2, n).
     """
     n, count = len(temperature), len(curves)
     if terms.shape != (len(vertex), COLUMNS) or curves.shape != (count, 2, n):
@@ -48,7 +48,7 @@ def add_up(
 
 
 def packed(temperatures: Array, water: Array, values: Array) -> Array:
-    """A table of coefficients (t, w) in one piece, with both of its arguments, for `add_up`."""
+    """A table of coefficients (t, w) with both of its arguments as one array, for `add_up`."""
     return np.concatenate([[len(temperatures), len(water)], temperatures, water, values.ravel()])
 
 

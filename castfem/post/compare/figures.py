@@ -42,7 +42,7 @@ class Definition:
     """Names of a figure."""
 
     quantity: str  #: prefix of the names of its columns; also the name of its file
-    title: str  #: of the figure
+    title: str  #: title of the figure
     label: str  #: label of its axes, without unit
     zero: bool = False  #: whether the axis begins at zero
     #: names of the largest and the smallest value of the section
@@ -96,7 +96,7 @@ class Panel:
     """One place of a figure."""
 
     place: str  #: "mid_face", or ""
-    unit: str  #: of the values
+    unit: str  #: unit of the values
     curves: tuple[Curve, ...]  #: one per run
 
 

@@ -39,7 +39,7 @@ class Line:
     """A quantity of all runs."""
 
     label: str  #: its label, with the place
-    unit: str  #: of the values
+    unit: str  #: unit of the values
     ours: tuple[float, ...]  #: value of each run, NaN if there is none
     theirs: tuple[float, ...]  #: its reference, NaN if there is none
     kinds: tuple[Kind, ...]  #: whether the reference is a value or a bound

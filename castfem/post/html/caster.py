@@ -38,7 +38,7 @@ from castfem.runs.output.run_record import RunRecord
 
 _INSTANTS, _PIECES = 240, 160
 """Largest numbers on a page: output times, and pieces of the strand in side view."""
-_WIDE = 520.0  # of the side view, pixels
+_WIDE = 520.0  # width of the side view, pixels
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ class Tick:
 class Chart:
     """Curves over the position below the meniscus, laid out for drawing."""
 
-    title: str  #: of the figure
+    title: str  #: title of the figure
     label: str  #: label of its vertical axis, with unit
     lines: tuple[dict[str, str], ...]  #: legend, colour, dash and path (SVG) of each curve
     across: tuple[Tick, ...]  #: ticks of the position, m
@@ -137,7 +137,7 @@ def _groups(
 
 
 def _place(place: str) -> str:
-    """A place as text; the extremes of a section likewise."""
+    """A place, or an extreme of a section, as text."""
     return {"max": "largest", "min": "smallest"}.get(place, probe_label(place) if place else "")
 
 
@@ -303,7 +303,7 @@ def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float6
 
 
 def _marks(folder: Path, end: float) -> list[float]:
-    """Where a run to `end` (m) leaves its mould, and where it is solid, m."""
+    """Positions at which a run to `end` (m) leaves its mould and is completely solid, m."""
     summary = Summary.load(folder)
     if summary is None or summary.mould_exit is None or summary.mould_exit >= end:
         return []

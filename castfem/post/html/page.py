@@ -63,7 +63,7 @@ class Progress:
 class AtWork:
     """Head of the page of runs in progress."""
 
-    title: str  #: of the page
+    title: str  #: title of the page
     status: str  #: status of the runs
     written: str  #: time at which the page was written
     again: int  #: seconds after which a browser reloads the page; 0 for the final page
@@ -215,8 +215,8 @@ def _numbers(runs: Sequence[Run], table: Sequence[Line]) -> Table:
 def _notes(runs: Sequence[Run]) -> Iterator[str]:
     """Warnings about the comparison, parts that cases leave out, sources of the references."""
     yield from heat_shared(runs)
-    told = {run.label: (run.folder, run.summary) for run in runs}
-    yield from cautions(*told[runs[0].label]) if len(runs) == 1 else cautions_of_all(told)
+    by_label = {run.label: (run.folder, run.summary) for run in runs}
+    yield from cautions(*by_label[runs[0].label]) if len(runs) == 1 else cautions_of_all(by_label)
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
     if sources:
         yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not met."

@@ -139,7 +139,7 @@ def draw_steps(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figur
     if lines:
         panels.append(Panel(lines, "Newton\niterations [-]", finish=_whole_numbers(lines)))
     named = {"energy_error": ("energy", _THERMAL), "force_error": ("forces", _MECHANICAL)}
-    inexact = {name: told for name, told in named.items() if _is_inexact(table, name)}
+    inexact = {name: look for name, look in named.items() if _is_inexact(table, name)}
     lines = [
         Line(np.where(line.values == 0.0, np.nan, np.abs(line.values)), line.label, line.style)
         for line in _by_colour(table, inexact, **_DOTS, markersize=2.5)

@@ -49,7 +49,7 @@ _DEFECTS = "\ndefect = [", "[[machine.defect]]"  # in the case of a run, short a
 class RunData:
     """Content of the files in the folder of a run, read when a figure needs it."""
 
-    folder: Path  #: of the run
+    folder: Path  #: folder of the run
     summary: Summary | None  #: its results; None before they are written
     files: ExitStack  #: keeps the fields open
 

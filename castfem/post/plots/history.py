@@ -154,7 +154,7 @@ def open_front(depth: Array) -> Array:
     kept. The middle of a strained section moves by one or two per cent.
 
     Args:
-        depth: (rows,), at one place from the top down; NaN where there is none.
+        depth: Depth at one place from the top down (rows,); NaN where there is none.
     """
     known = np.flatnonzero(np.isfinite(depth))
     values = depth[known]
@@ -218,7 +218,7 @@ def place_legend(panel: Axes, columns: int = 2) -> None:
                 legend.set_loc(name)
                 return
     width, height = sizes[-1]
-    highest = {  # of the curves below each upper corner
+    highest = {  # largest height of the curves below each upper corner
         name: float(_heights(drawn, left, left + width).max(initial=0.0))
         for name, left, _ in _spots(width, height)[:2]
     }

@@ -180,9 +180,9 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
 class Compared:
     """Measured and computed values of one result."""
 
-    name: str  #: of the result
+    name: str  #: name of the result
     label: str  #: description
-    unit: str  #: of the values
+    unit: str  #: unit of the values
     position: Array  #: (n,), m
     measured: Array  #: (n,) measured values
     error: Array  #: (n,) error of measurement, NaN where unknown

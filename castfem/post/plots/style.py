@@ -39,10 +39,10 @@ class Style:
 
     dpi: int = 160  #: pixels per inch
     width: float = 7.2  #: width of a figure over the strand's length
-    left: float = 0.8  #: margin left of the panels; the next three likewise
-    right: float = 0.2
-    top: float = 0.52
-    bottom: float = 0.48
+    left: float = 0.8  #: margin left of the panels
+    right: float = 0.2  #: margin right of the panels
+    top: float = 0.52  #: margin above the panels
+    bottom: float = 0.48  #: margin below the panels
     between: float = 0.14  #: between two panels
     edge: float = 0.04  #: margin beside long numbers
     panel: tuple[float, float] = (3.4, 2.3)  #: width and height of a panel of a study
@@ -52,9 +52,9 @@ class Style:
     slender: float = 12.0
     wide: float = 1.6  #: aspect ratio from which the colour bar is placed below
     moves: float = 0.05  #: share of the section by which its surface may appear to move
-    #: points of a segment of an outline; odd, so that one lies in the middle of a face
+    #: points of a segment of an outline; odd, so that one is in the middle of a face
     segment: int = 33
-    #: the same where the radius is interpolated, because its error is magnified too
+    #: points of an outline with an interpolated radius, because its error is magnified too
     dense: int = 400
     slices: int = 4  #: least slices of a stack: colours are linear between them
     gap: float = 0.01  #: least span of the gap axis, mm
@@ -239,14 +239,14 @@ def render(figure: Figure) -> Image.Image:
 
 
 def _widen(figure: Figure, renderer: RendererAgg) -> bool:
-    """Moves axes with fixed margins that have long numbers away from the edge.
+    """Move axes with fixed margins and long numbers away from the edge.
 
     Args:
-        figure: It has been drawn, by which the labels are beside the numbers: seldom is one cut.
-        renderer: What has drawn it.
+        figure: A drawn figure, in which labels are beside the numbers: seldom is one cut.
+        renderer: Renderer of the figure.
 
     Returns:
-        Whether there were any.
+        Whether axes were moved.
     """
     labels = [axes.yaxis.label.get_window_extent(renderer).x0 for axes in figure.axes]
     cut = min(labels, default=0.0)

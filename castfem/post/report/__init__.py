@@ -1,1 +1,1 @@
-"""What `castfem show` and the reports say about a run: headline, remarks, hot spots, errors."""
+"""Texts of `castfem show` and the reports on a run: headline, remarks, hot spots, errors."""

@@ -35,8 +35,8 @@ def answers(folder: Path, case: Case) -> list[str]:
     numbers, _, _ = read_table(folder / CASTER_NAME)
     time, length = numbers["time"], case.casting.length
     plant = case.caster.plant  # an instant of caster.csv may be as late as the next look
-    told = [(at, event) for at, event in zip(plant.times, plant.events, strict=True) if event]
-    events = [one for one in told if one[0] <= time[-1]]
+    named = [(at, event) for at, event in zip(plant.times, plant.events, strict=True) if event]
+    events = [one for one in named if one[0] <= time[-1]]
     strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
     liquid = np.isin(time, strand["clock"][strand[CENTRE] < 1.0])
     lines = [*_pool(time, numbers[_POOL], numbers["speed"], length, events, liquid)]

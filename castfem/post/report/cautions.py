@@ -69,9 +69,9 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
     found: dict[str, list[str]] = {}
     for label, (folder, summary) in runs.items():
         table = _history(folder)
-        told = [] if summary is None else _of_run(folder, summary, table)
-        restless = (*map(_line, _unsteady(table, summary)), *_flickering(table))
-        for line in dict.fromkeys((*told, *restless)):
+        own = [] if summary is None else _of_run(folder, summary, table)
+        unsteady = (*map(_line, _unsteady(table, summary)), *_flickering(table))
+        for line in dict.fromkeys((*own, *unsteady)):
             found.setdefault(line, []).append(label)
     lines = [
         f"{'all runs' if 1 < len(labels) == len(runs) else ', '.join(labels)}: {line}"
@@ -125,16 +125,16 @@ def _off_the_mould(folder: Path, table: Columns | None) -> Iterator[str]:
         for places in equal_places(case, probes_with(table, "surface_temperature")):
             who = "all points of the surface" if whole else " and ".join(map(probe_label, places))
             surface = _of_whole_surface(folder) if whole else (0.0, 0.0)
-            if told := _unequal(table, position, places, surface):
-                yield f"{who} are the same by symmetry, yet their {told}"
+            if differences := _unequal(table, position, places, surface):
+                yield f"{who} are the same by symmetry, yet their {differences}"
 
 
 def lost_all_round(share: Array, position: Array) -> str:
     """Return a caution where no point of the surface touches the mould; "" if one always does.
 
     Args:
-        share: (n,) share of the surface in contact, %; NaN where there is no mould.
-        position: (n,) position of the slice, m.
+        share: Share of the surface in contact (n,), %; NaN where there is no mould.
+        position: Position of the slice (n,), m.
     """
     found: list[Spell] = []
     start: float | None = None
@@ -194,7 +194,7 @@ def _unequal(
 
     Args:
         table: The history.
-        position: (n,) position of its rows, m.
+        position: Position of its rows (n,), m.
         places: Probes.
         surface: Largest temperature difference over the whole surface, K, and its position, m.
     """

@@ -48,7 +48,7 @@ def _shell(summary: Summary, anywhere: Remark | None) -> Iterator[tuple[str, str
 
 
 def _pool(summary: Summary) -> Iterator[tuple[str, str]]:
-    """Where all is solid, or how far the run came without complete solidification."""
+    """Position of complete solidification, or the end of a run without it."""
     length, end = (summary.quantities.get(n) for n in ("metallurgical_length", "position"))
     if length is not None and math.isfinite(length.value):
         yield length.label, " ".join(cells("metallurgical_length", length))

@@ -58,8 +58,8 @@ class Remark:
     """One line: quantity, value and place."""
 
     what: str  #: quantity
-    value: float  #: in `unit`
-    unit: str  #: as in history.csv
+    value: float  #: value in `unit`
+    unit: str  #: unit as in history.csv
     where: str  #: place and position, in words
     name: str = ""  #: column, where it determines the shown unit
     #: resolution by the cells, in `unit`; None if unknown
@@ -246,9 +246,9 @@ def _largest_way_back(
 
 
 def _remelting(table: Columns, position: Array) -> Iterator[Remark]:
-    """Where the shell becomes thinner on the way down, at the worst probe.
+    """Positions between which the shell becomes thinner on the way down, at the worst probe.
 
-    Where the whole shell melts, the steel breaks out, which the run does not model.
+    If the whole shell melts, the steel breaks out, which the run does not model.
     """
     best = _largest_way_back(table, "shell", 1.0, LIMITS.shrunk)
     if best is None or best[0] < LIMITS.melted:

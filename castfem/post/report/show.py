@@ -37,7 +37,7 @@ def show(
 
     Args:
         folder: Folder of the run, which may be running, killed or failed.
-        console: Where to print; standard output if None.
+        console: Console to print on; standard output if None.
         figures: Draw them; an unwritable folder costs a line, not the table.
         at: Positions, m; if given, print only the results there.
 
@@ -70,8 +70,8 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bo
         for table in balance_tables(summary):
             say(out, table, "")
         say(out, *_liquid_left(summary))
-        told = cautions(path, summary)
-        say(out, *told, *([""] if told else []), style="yellow")
+        warnings = cautions(path, summary)
+        say(out, *warnings, *([""] if warnings else []), style="yellow")
         if not (path / HISTORY_NAME).is_file():
             text = "is missing: no figures over time and no remarks"
             say(out, f"{path / HISTORY_NAME} {text}", style="yellow")
@@ -191,7 +191,7 @@ def slow_output(record: RunRecord) -> str:
 
 
 def draw(path: Path, out: Console | None = None) -> bool:
-    """Draws the figures of a run, says which, or why not, and nothing where there is no console.
+    """Draw the figures of a run; print their names or the error, if there is a console.
 
     Returns:
         Whether the files of the run could be read.
@@ -200,7 +200,7 @@ def draw(path: Path, out: Console | None = None) -> bool:
 
     try:
         drawn = draw_figures(path)
-    except Exception as error:  # the run is what it is, whatever becomes of its pictures
+    except Exception as error:  # reason: a failed figure does not affect the finished run
         if out is not None:
             say(out, f"figures: {said_in_a_line(error)}", style="yellow")
         return not isinstance(error, InputError)

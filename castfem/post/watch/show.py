@@ -54,9 +54,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Viewing:
-    """How runs are watched."""
+    """Settings of the display of runs."""
 
-    #: where to show them: a live display on a terminal, a line at intervals elsewhere
+    #: console of the display: live on a terminal, otherwise a line at intervals
     console: Console
     every: float  #: interval between two updates, s
     page: Page | None = None  #: rewritten at each update for which it is due
@@ -73,7 +73,7 @@ def watch(folder: Path, viewing: Viewing) -> bool:
 
     Args:
         folder: Folder of the run or the sweep.
-        viewing: Where and how to show them.
+        viewing: Settings of the display.
 
     Returns:
         Whether the run, or all runs of the sweep, have ended well.
@@ -85,16 +85,16 @@ def watch(folder: Path, viewing: Viewing) -> bool:
 
 def _until_begun(folder: Path, viewing: Viewing) -> None:
     """Wait for a run or a sweep in a folder, if requested."""
-    told = False
+    announced = False
     while not any((folder / name).is_file() for name in (SWEEP_NAME, RUN_NAME)):
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder}: is not a folder")
         if not viewing.wait:
             what = "holds no run of castfem" if folder.is_dir() else "no such folder"
             raise InputError(f"{folder}: {what}; --wait waits for one to begin")
-        if not told:
+        if not announced:
             viewing.say(f"{folder}: no run has begun there; waiting for one")
-        told = True
+        announced = True
         viewing.sleep(viewing.every)
 
 

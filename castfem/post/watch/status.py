@@ -94,8 +94,8 @@ class Watcher:
         if state == RUNNING and not self._at_work():
             record = RunRecord.load(self.folder)  # it may have ended since
             state = KILLED if record.status == RUNNING else record.status
-        messages, told = self._log()
-        left = self._left(position, told) if state == RUNNING else math.nan
+        messages, logged = self._log()
+        left = self._left(position, logged) if state == RUNNING else math.nan
         return RunStatus(
             state, self._title, record, position, self._length, quantities, left, messages
         )
@@ -162,10 +162,10 @@ class Watcher:
                 left = max(0.0, progress - since)
         return tuple(messages[-5:]), left
 
-    def _left(self, position: float, told: float) -> float:
+    def _left(self, position: float, logged: float) -> float:
         """Remaining time by the pace of the last minute; before that is known, by the log."""
         if len(self._way) < 2 or math.isnan(self._length):
-            return told
+            return logged
         (since, start), (last, _) = self._way[0], self._way[-1]
         pace = (position - start) / max(last - since, 1e-9)
         return max(0.0, (self._length - position) / pace - (self._clock() - last))
@@ -228,7 +228,7 @@ def line(name: str, status: RunStatus) -> str:
 
 
 def ending(folder: Path, status: RunStatus) -> str:
-    """How a run ended, why, and what can be done, in one line."""
+    """Ending of a run with its reason and the next command, in one line."""
     how = how_it_ended(status.record)
     if status.state == KILLED:
         return f"{how}; castfem run --resume {folder} continues from its last checkpoint"
@@ -248,7 +248,7 @@ PATIENCE = 60.0  # s without a running run after which a sweep counts as ended
 class Row:
     """A run of a sweep."""
 
-    name: str  #: of its folder
+    name: str  #: name of its folder
     label: str  #: label from the varied parameters
     status: RunStatus  #: its status; the state may be "waiting"
     seconds: float = 0.0  #: duration, if it has ended
@@ -342,7 +342,7 @@ class SweepWatcher:
 
 
 def counts(found: SweepStatus) -> str:
-    """How many runs of a sweep have finished, are running, wait, have failed."""
+    """Numbers of runs of a sweep that have finished, are running, wait, have failed."""
     states = dict.fromkeys((FINISHED, RUNNING, WAITING, *(r.status.state for r in found.rows)))
     parts = [f"{found.count(state)} {state}" for state in states]
     end = "" if found.left != found.left else f", left {minutes(found.left)}"

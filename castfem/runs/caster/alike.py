@@ -37,7 +37,7 @@ class Seen:
     """A slice at an age, per metre of strand."""
 
     age: float  #: time since it left the meniscus, s
-    position: float  #: below the meniscus, m
+    position: float  #: position below the meniscus, m
     solid: float  #: position at which it became solid, m; NaN before
     closed: float  #: its age at that time, s
     removed: float  #: heat removed from the modelled part of the section, J/m

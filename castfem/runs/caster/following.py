@@ -68,7 +68,7 @@ def follow(
         case: The case whose plant record grows.
         source: The growing file.
         output: Output folder.
-        interrupt: Tells whether to stop.
+        interrupt: Receives signals to stop.
 
     Raises:
         RunFailure: A slice failed.

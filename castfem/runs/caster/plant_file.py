@@ -52,7 +52,7 @@ class PlantFile:
         self._times: list[float] = []
         self._values: dict[str, list[float]] = {}
         self._events: list[str] = []
-        self._read, self._told_late = time.monotonic(), False
+        self._read, self._reported_late = time.monotonic(), False
 
     def __len__(self) -> int:
         """Number of rows in use."""
@@ -121,9 +121,9 @@ class PlantFile:
                 reason = str(error).removeprefix("row 1: ")
                 self._report(f"line {number}: {reason}; the row is left out")
         if len(self) > before:
-            self._read, self._told_late = time.monotonic(), False
-        elif not self._told_late and time.monotonic() - self._read > self._long:
-            self._told_late = True
+            self._read, self._reported_late = time.monotonic(), False
+        elif not self._reported_late and time.monotonic() - self._read > self._long:
+            self._reported_late = True
             self._report(f"no row since that of {self.last:g} s, longer than usual", 0)
         return len(self) - before
 

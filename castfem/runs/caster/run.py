@@ -88,7 +88,7 @@ class CasterRun:
         self._columns = SliceRows(self.strand.model)
         self._moments = Moments(case, self.strand.model, output.path)
         self._index = self._gone = 0
-        self._looks: dict[int, Look] = {}  # of this rank, at the current output time
+        self._looks: dict[int, Look] = {}  # those of this rank at the current output time
         self._closed: dict[int, float] = {}
         self._left, self._before = (0.0, 0.0), math.nan
         # sizes of the files at the last output time
@@ -153,22 +153,22 @@ class CasterRun:
         waiting = self.strand.waiting(now, self._looks)
         counts = self._comm.allgather((len(waiting), len(self.strand.inside)))
         for i in range(max(count for count, _ in counts)):
-            told, ended = None, None
+            report, ended = None, None
             try:
                 if i < len(waiting):
-                    told = self._take(waiting[i], now, interrupt)
+                    report = self._take(waiting[i], now, interrupt)
                 interrupt.check()
             except (Stopped, RunFailure) as error:
                 ended = error
             due = time.monotonic() - self._saved >= self._every
-            met = self._comm.allgather((told, ended, due))
-            for told, _, _ in met:
-                if told is not None:
-                    self._tell(*told, now, sum(inside for _, inside in counts), progress)
-            for _, ended, _ in met:
+            of_ranks = self._comm.allgather((report, ended, due))
+            for report, _, _ in of_ranks:
+                if report is not None:
+                    self._report(*report, now, sum(inside for _, inside in counts), progress)
+            for _, ended, _ in of_ranks:
                 if ended is not None:
                     raise ended
-            if met[0][-1]:  # the clock of rank 0 counts for all
+            if of_ranks[0][-1]:  # the clock of rank 0 counts for all
                 self.save()
 
     def _take(self, one: Slice, now: float, interrupt: Interrupt) -> tuple[int, float]:
@@ -177,7 +177,7 @@ class CasterRun:
         self._looks[one.number] = self.strand.take(one, now, self._columns.row, interrupt)
         return one.number, one.age - before
 
-    def _tell(
+    def _report(
         self, number: int, passed: float, now: float, inside: int, progress: Progress | None
     ) -> None:
         """Report that a slice has reached an output time; for the first also the time."""

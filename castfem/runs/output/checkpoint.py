@@ -67,7 +67,7 @@ def load_checkpoint(
     Args:
         path: Path of the file.
         physics: Required hash; None accepts any.
-        case: As in `save_checkpoint`, to name the differences.
+        case: Case as in `save_checkpoint`, to name the differences.
 
     Raises:
         InputError: There is no such file, it is not a checkpoint, it is damaged, or it belongs to

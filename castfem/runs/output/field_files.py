@@ -8,7 +8,7 @@ whole file. Therefore each time is written to a file of its own, which gets its 
 complete. At the end all are gathered in a new fields.h5, which replaces the old one; only then are
 the files of the single times removed. At any moment each time exists, and every file can be read.
 
-    /                    attributes: format, version, cell, order and what the caller tells
+    /                    attributes: format, version, cell, order and those of the caller
     /mesh/points         (n, 3) m
     /mesh/cells          (m, k) in VTK node order
     /steps/000000/NAME   (n,), (n, 3) or (n, 9) values; attributes: centre, unit

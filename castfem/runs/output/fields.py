@@ -26,8 +26,8 @@ class Fields(Closing):
         cell: "triangle" or "quadrilateral".
         order: Geometric order of the cells, 1 or 2.
         folder: Folder of the run.
-        times: (t,) [s].
-        positions: (t,) below the meniscus [m].
+        times: Times (t,) [s].
+        positions: Positions below the meniscus (t,) [m].
         attributes: Facts about the run: solidus, liquidus [K], symmetry ...
     """
 

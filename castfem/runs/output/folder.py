@@ -1,28 +1,28 @@
 """The output folder of a run, and the lock on it.
 
-    case.toml      the case as resolved: extends, --set and defaults worked in
-    properties/    copies of the property files of the user's that it names
-    run.json       how it went: status, versions, ranks, wall time (`runs.output.run_record`)
-    run.log        what was said on the way
-    history.csv    one row a step (`castfem.runs.output.history`)
-    probes/        the points that are followed, likewise
-    wall_flux.csv  the heat into the wall of a mould with thermocouples, likewise
-    surface_maps.h5   the surface unrolled over time (`runs.output.surface_maps`), those of a
-    surface_maps.rows run that has not ended
-    depth_maps.h5 .rows  criteria of hot tearing over the depth, likewise
+    case.toml      the resolved case, including extended files, --set and defaults
+    properties/    copies of the user's property files that it names
+    run.json       status, versions, ranks, wall time (`castfem.runs.output.run_record`)
+    run.log        log messages
+    history.csv    one row per step (`castfem.runs.output.history`)
+    probes/        results at the probes, one row per step
+    wall_flux.csv  heat into the wall of a mould with thermocouples, one row per step
+    surface_maps.h5   the surface unrolled over time (`castfem.runs.output.surface_maps`);
+    surface_maps.rows its rows in a run that has not ended
+    depth_maps.h5 .rows  criteria of hot tearing over the depth, in the same form
     fields.xdmf    the fields over time, for ParaView (`castfem.runs.output.xdmf`) ...
-    fields.h5      ... and their numbers (`castfem.runs.output.field_files`), those of
-    fields/        a run that has not ended in a file a time
+    fields.h5      ... and their numbers (`castfem.runs.output.field_files`);
+    fields/        in a run that has not ended one file per time
     checkpoint.h5  the state to resume from (`castfem.runs.output.checkpoint`)
     summary.json   the results in numbers (`castfem.runs.output.summary_file`)
-    caster.csv     of a caster instead of a history: a row an instant (`castfem.runs.caster.files`)
-    strand.csv     ... the strand at each instant, a row a slice ...
-    slices.csv     ... and each slice as it has left
-    now.json       of a caster that follows its plant: the strand at the last instant ...
+    caster.csv     a caster's history: one row per instant (`castfem.runs.caster.files`)
+    strand.csv     ... the strand at each instant, one row per slice ...
+    slices.csv     ... and each slice at its exit
+    now.json       a caster that follows its plant: the strand at the last instant ...
     now.csv        ... and its slices, for other programs
-    pyrometers.csv ... the surface at fixed places, a row for each slice that passes
+    pyrometers.csv ... the surface at fixed positions, one row for each slice that passes
     strand.pvd     ... the strand at moments, for ParaView, with a file each in moments/
-    figures/       what `castfem show` draws (`castfem.post.plots.figures`)
+    figures/       figures of `castfem show` (`castfem.post.plots.figures`)
 
 castfem starts a new run only in a folder without any of these names, or in one with its own
 run.json; then it removes these files and no others. run.json exists throughout the run, and a
@@ -86,7 +86,7 @@ TENSILE_FIGURES = ("tensile",)
 ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
 CASTER_FIGURES = "strand_over_time", "strand_maps", "strand_moments"
 _LOCK_NAME = ".castfem.lock"
-# A property file; nothing else is removed on the word of run.json.
+# Copies of property files: of the files named in run.json only these are removed.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
 # The checkpoint is removed first: a partly removed run must not be resumed.
 ARTEFACTS = (

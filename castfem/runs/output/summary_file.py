@@ -18,10 +18,10 @@ SI. In the file each value is in the unit beside it. In Python `value` and `unit
 and `shown_unit` as in the file. Zones, `at` (null: the end of the run) and `mould_exit` (null: no
 mould) are in metres below the meniscus. A missing value is null in the file, NaN in Python. The
 difference of two temperatures is in K and has no relative value, since the zero of the scale is a
-convention. `met` tells whether a bound holds; it is null for a value. If keys of the case were
+convention. `met` is whether a bound holds; it is null for a value. If keys of the case were
 `changed` after a reference was written, it belongs to the unchanged case, and no difference is
-given. Summaries without `kind` were written when all references were values; their `note` is what
-is now `missing`.
+given. Summaries without `kind` were written when all references were values; their `note` is now
+called `missing`.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Reference:
     quantity: str  #: name of the computed quantity
     value: float  #: in SI
     shown_unit: str  #: unit in which it is shown, "-" for none
-    source: str  #: where the number comes from
+    source: str  #: source of the number
     #: position at which it holds, below the meniscus [m]; None at the end of the run
     at: float | None = None
     kind: Kind = "value"  #: whether it is a value or a bound
@@ -133,8 +133,8 @@ class Comparison:
 class Zone:
     """A cooling zone between two positions below the meniscus [m]."""
 
-    name: str  #: of the zone
-    start: float  #: where it begins
+    name: str  #: name of the zone
+    start: float  #: start of the zone
     end: float  #: its end, or the end of the run within it
     whole: bool = True  #: whether the zone itself ends there
 
@@ -143,7 +143,7 @@ class Zone:
 class Summary:
     """The content of summary.json, in SI."""
 
-    title: str  #: of the case
+    title: str  #: title of the case
     status: str  #: "finished", "failed" or "interrupted"
     #: results by name, including `solidus` and `liquidus` of the steel
     quantities: Mapping[str, Quantity] = field(default_factory=dict)

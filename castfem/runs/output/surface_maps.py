@@ -271,7 +271,8 @@ class SurfaceMaps:
 
     Attributes:
         heading: Vertices, names and units, band, rolls.
-        time: (rows,), s. position: (rows,), m.
+        time: Times of the rows (rows,), s.
+        position: Positions of the rows (rows,), m.
     """
 
     def __init__(self, folder: Path | str, names: tuple[str, str] = SURFACE) -> None:

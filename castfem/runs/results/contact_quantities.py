@@ -205,8 +205,8 @@ quantity(
 quantity(
     "bulge_error", "um", "largest error of a bulge so far", needs=("bulging",),
     says="Estimated error of the strip's deflection, the largest of all pitches so far: that of "
-    "the step size and, where the deflection should be periodic and is not yet, its remaining "
-    "change.",
+    "the step size, and what the passes through a pitch have left (its change in the last pass "
+    "or, if larger, the gap of the curvature from end to end).",
 )(lambda sample: float(_rolls(sample).memory["error"].max(initial=0.0)))  # fmt: skip
 quantity(
     "roll_force", "kN/m", "force on the last pair of rolls, a metre of width", needs=("bulging",),

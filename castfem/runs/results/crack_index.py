@@ -110,9 +110,9 @@ class CrackIndex:
     name: str = field(kw_only=False)  #: name of the index and its map
     unit: str = field(kw_only=False)  #: unit in which it is shown
     label: str = field(kw_only=False)  #: label in tables
-    #: what a simulation must have, from `castfem.runs.results.needs.NEEDS`
+    #: parts that a simulation must have, from `castfem.runs.results.needs.NEEDS`
     needs: tuple[str, ...] = ()
-    #: where it is evaluated: at the surface, or in the whole section, without a map
+    #: region in which it is evaluated: the surface, or the whole section, without a map
     on: Where = "surface"
     accumulates: bool = False  #: whether it continues from its values before the step
     #: whether `tearing` provides it: such an index is differentiated, and has a map over the depth

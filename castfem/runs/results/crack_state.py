@@ -1,4 +1,4 @@
-"""What is known of the crack indexes and of hot tearing at one time of a run."""
+"""State of the crack indexes and of hot tearing at one time of a run."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class Tearing:
     mushy: float  #: temperature range of the stress relief before it, K
     law: laws.CriticalStrain  #: parameters of the criterion "won"
     feeding: laws.Feeding | None  #: parameters of the criterion "rdg"; None without it
-    enthalpy: Array  #: at the vertices, J/m3
+    enthalpy: Array  #: enthalpy at the vertices, J/m3
     rate: Array  #: rate of the enthalpy at the end of the step, W/m3
-    strain: Array  #: at the deviator's points, Mandel (n, 4); empty without mechanics
+    strain: Array  #: strain at the deviator's points, Mandel (n, 4); empty without mechanics
     here: Flags  #: whether each vertex was in the brittle range within the step
     passed: Flags  #: whether it has left the range
-    mechanical: MechanicalState | None = None  #: of the slice; None without mechanics
+    mechanical: MechanicalState | None = None  #: state of the slice; None without mechanics
 
     def won(self) -> Array:
         """Strain across the dendrites in the range so far over the critical one (n,)."""
@@ -65,8 +65,8 @@ class Worst:
     """The largest value of an index, with its place and time."""
 
     value: float = 0.0  #: in SI
-    x: float = 0.0  #: on the undeformed section, m
-    y: float = 0.0  #: on the undeformed section, m
+    x: float = 0.0  #: coordinate on the undeformed section, m
+    y: float = 0.0  #: coordinate on the undeformed section, m
     time: float = 0.0  #: s
     position: float = 0.0  #: m
 
@@ -78,7 +78,7 @@ class QualityState:
     line: SurfaceLine  #: the surface
     caster: Stations  #: the rolls
     time: float = -1.0  #: s; -1 before the first sample
-    temperature: Array = field(default_factory=lambda: np.zeros(0))  #: at the owned vertices, K
+    temperature: Array = field(default_factory=lambda: np.zeros(0))  #: of the owned vertices, K
     strain_history: tuple[TimedStrains, ...] = ()  #: generalized strains over the last roll pitch
     #: the sample from which rates are computed, and those since: time, temperature at the owned
     #: vertices, K
@@ -91,15 +91,15 @@ class QualityState:
     in_phase: Mapping[str, Mapping[str, Worst]] = field(default_factory=dict)
     #: temperature on the centre line, K; NaN in a section without a probe to the centre
     centre: float = np.nan
-    #: on the centre line; None in a section without a probe to the centre
+    #: solid fraction on the centre line; None in a section without a probe to the centre
     solid_fraction: float | None = None
-    #: by solid fraction the position at which the centre line reached it, m
+    #: position at which the centre line reached each solid fraction, m
     passed: Mapping[float, float] = field(default_factory=dict)
     #: values of the hot tearing criteria; None if the case names none
     tearing: Tearing | None = None
 
     def words(self, worst: Worst | None) -> str:
-        """Where an index was largest: place, position, roll, time, phase; "" if always zero."""
+        """Description of the largest value: place, position, roll, time, phase; "" without any."""
         if worst is None or not worst.value > 0.0:
             return ""
         vertex = self.line.at(worst.x, worst.y)

@@ -181,8 +181,8 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
 class Spell:
     """A stretch without contact, between two positions [m]."""
 
-    start: float  #: where contact was lost
-    end: float  #: where contact was regained, or the end of the history
+    start: float  #: position at which contact was lost
+    end: float  #: position at which contact was regained, or the end of the history
     regained: bool  #: whether contact was regained
 
     @property
@@ -195,8 +195,8 @@ def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
     """Return the stretches in which contact was lost after there had been contact.
 
     Args:
-        gap: (n,) between surface and wall; unknown values (NaN) continue the previous state.
-        position: (n,), increasing.
+        gap: Gap between surface and wall (n,); unknown values (NaN) continue the previous state.
+        position: Positions (n,), increasing.
         threshold: Gap above which there is no contact; its position is interpolated linearly.
     """
     known = np.isfinite(gap)

@@ -43,9 +43,8 @@ def probe_file(name: str) -> str:
 class ProbeSampler:
     """Reads the probes of a case after each step.
 
-    Temperature and displacement are interpolated between vertices. Stress, strains and rates are
-    averaged over the quadrature points around each vertex and interpolated likewise, as in the
-    fields.
+    Temperature and displacement are interpolated between vertices, as are averages of stress,
+    strains and rates over the quadrature points around each vertex, which are those of the fields.
 
     Raises:
         InputError: A probe is outside the section, or below a place that the section does not have.

@@ -28,9 +28,9 @@ class RollLoads:
     """Force on each pair of rolls, and largest bulge in the pitch below it."""
 
     stations: Stations  #: the rolls
-    #: by column name, the value of each pair by its number, from 1
+    #: values by column name and number of the pair, from 1
     values: Mapping[str, Mapping[int, float]]
-    units: Mapping[str, str]  #: of the columns
+    units: Mapping[str, str]  #: units of the columns
 
     @classmethod
     def of(cls, folder: Path) -> RollLoads | None:

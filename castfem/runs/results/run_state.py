@@ -40,13 +40,13 @@ class Counts:
     windows: int = 0  #: coupling windows
     cut_back: int = 0  #: windows shortened after a failure
     cut_for_error: int = 0  #: windows shortened for their error
-    coupling_iterations: int = 0  #: in accepted windows
+    coupling_iterations: int = 0  #: coupling iterations in accepted windows
     #: windows whose gap had not converged after the largest number of iterations, at the shortest
     #: length
     gap_not_converged: int = 0
     alone: int = 0  #: commits of the temperature only
     newton: int = 0  #: thermal Newton iterations, including those of rejected steps
-    newton_mechanics: int = 0  #: mechanical Newton iterations, likewise
+    newton_mechanics: int = 0  #: mechanical Newton iterations, including those of rejected steps
 
     @property
     def taken(self) -> int:

@@ -79,9 +79,9 @@ class LargestStress(Extremes):
 
     prefix: ClassVar[str] = "strained"
     stress: float = 0.0  #: Pa
-    position: float = 0.0  #: of the slice below the meniscus, m
-    x: float = 0.0  #: on the undeformed mesh, m
-    y: float = 0.0  #: on the undeformed mesh, m
+    position: float = 0.0  #: position of the slice below the meniscus, m
+    x: float = 0.0  #: coordinate on the undeformed mesh, m
+    y: float = 0.0  #: coordinate on the undeformed mesh, m
 
     def note(self, sample: Sample) -> None:
         """Process a coupling window."""
@@ -196,7 +196,7 @@ class MechanicalSample:
     moved: dict[str, float]  #: outward displacement of the start of each probe, m
     across: dict[str, float]  #: size of the section through each probe that ends in its centre, m
     strain: float  #: axial strain of the slice at the origin
-    #: of the axial strain along x and y, a1 and a2, 1/m: the slice's tilt
+    #: gradients of the axial strain along x and y, a1 and a2, 1/m: the slice's tilt
     gradients: tuple[float, float]
     balance: Balance | None  #: forces of the step; None at the start
     load: float  #: external axial force, N
@@ -207,7 +207,7 @@ class MechanicalSample:
     #: gap at the start of each probe, m, NaN without a wall, as below the end of the mould; empty
     #: without a mould
     gap: dict[str, float]
-    #: contact pressure there, averaged over a length of the surface, Pa; likewise
+    #: contact pressure there, averaged over a length of the surface, Pa; empty without a mould
     pressure: dict[str, float]
     #: fractions of the solid that are colder, hotter or strained faster than the data of the law;
     #: empty if the law has no such limits, or if there is hardly a shell
@@ -232,10 +232,10 @@ class Sample:
     step: float  #: length of the last step, s
     newton: int  #: Newton iterations of the step
     profiles: dict[str, Profile]  #: temperature along each probe
-    #: depth of the solidus below the surface, by probe, m; liquidus likewise. If heat is computed
-    #: on the deformed slice, at their present places.
+    #: depth of the solidus below the surface, by probe, m; at present places if heat is computed on
+    #: the deformed slice
     shell: dict[str, float]
-    liquidus: dict[str, float]
+    liquidus: dict[str, float]  #: depth of the liquidus, in the same form
     #: size of the cell that contains the solidus, along the probe's line, m; NaN without a solidus
     cell: dict[str, float]
     flux: dict[str, float]  #: heat flux at the probe's surface point, W/m2

@@ -18,7 +18,7 @@ from castfem.base.constants import EXACT
 
 @dataclass(frozen=True, slots=True)
 class ConvergenceRules:
-    """How errors are estimated from the results at several sizes, after [Roache1994]."""
+    """Parameters of error estimates from results at several sizes, after [Roache1994]."""
 
     #: factor on the distance to the limit, if three sizes show an order [Roache1994]
     safety: float = 1.25

@@ -35,7 +35,7 @@ FACTORS: Mapping[str, tuple[float, ...]] = {
 }
 """Scale factors of the additional runs."""
 _FINEST: Mapping[str, float] = {MESH: 0.25, STEP: 0.125, COUPLING: 0.125}
-# Exponent of the run time over 1 / factor: default if the runs do not tell, smallest, largest.
+# Exponent of the run time over 1 / factor: default if it is not known, smallest, largest.
 _DEARER: Mapping[str, tuple[float, float, float]] = {
     MESH: (2.0, 1.0, 3.0),
     STEP: (0.5, 0.0, 1.2),

@@ -229,7 +229,7 @@ def sides(values: Mapping[str, float], fidelity: str) -> tuple[float, float]:
 
 
 def _beside_thermal(values: Mapping[str, float]) -> tuple[float, float]:
-    """How far a purely thermal result may decrease and increase at the finest level."""
+    """Possible decrease and increase of a purely thermal result at the finest level."""
     known = {word: v for word, v in values.items() if word != THERMAL and math.isfinite(v)}
     if not known:
         return math.nan, math.nan

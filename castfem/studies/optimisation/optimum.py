@@ -142,7 +142,7 @@ class Spread:
 class ConstraintStatus:
     """A constraint at the optimum, SI."""
 
-    text: str  #: as written
+    text: str  #: constraint as written
     result: ResultWithError
     bound: float
     left: float  #: margin of the result

@@ -44,7 +44,7 @@ class InputSpread:
     """Effect of the inputs on an optimum."""
 
     low: Array  #: 5 % quantiles of cost and margins at the optimum (1 + m,), SI
-    high: Array  #: 95 % quantiles, likewise
+    high: Array  #: 95 % quantiles of cost and margins at the optimum (1 + m,), SI
     #: error of the fit (1 + m,), SI: root mean square, each run against the fit to the others
     error: Array
     met: Array  #: fraction of the draws in which each constraint is met at the optimum (m,)

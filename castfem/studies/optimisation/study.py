@@ -115,7 +115,7 @@ class Study:
 
         Args:
             ended: Called with each run and its outcome.
-            obtain: Makes runs and tells their results, instead of the study's evaluator.
+            obtain: Makes runs and passes their results to `tell`, instead of the study's evaluator.
             stage: Called with the purpose of the runs that follow.
 
         Raises:
@@ -200,7 +200,7 @@ class Study:
         requests: RunRequest | Mapping[str, Any] | Sequence[RunRequest | Mapping[str, Any]],
         ended: Ended = nothing,
     ) -> list[Evaluation]:
-        """Make runs, or find them in the folder, and tell their results.
+        """Make runs, or find them in the folder, and pass their results to `tell`.
 
         Args:
             requests: One or several runs; see `tell`.

@@ -40,7 +40,7 @@ class CoupledDerivatives(CouplingObserver):
         self._thermal, self.mechanical = thermal, mechanical
         count, owned = len(thermal.variations), simulation.section.owned
         nothing: Array = np.zeros((count, owned))
-        self._warming: list[Array] = []  # of the committed temperatures
+        self._warming: list[Array] = []  # derivatives of the committed temperatures
         # Derivatives of the gap of the window, of the resulting mean gap, and of the gap at its
         # start.
         gap = self._coupling.gap

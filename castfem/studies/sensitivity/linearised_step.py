@@ -203,8 +203,8 @@ class Moved:
 class Answers:
     """Derivatives of the responses of the laws to a motion, by each parameter."""
 
-    inside: ResponseChange  #: at the points with stress
-    surface: list[ResponseChange]  #: at those of the surface, for Nitsche's method; empty without
+    inside: ResponseChange  #: response at the points with stress
+    surface: list[ResponseChange]  #: response at the surface for Nitsche's method, otherwise empty
 
 
 class LinearisedStep:

@@ -82,8 +82,8 @@ class MechanicalDerivatives:
 
     Attributes:
         slopes: Derivatives of `CARRIED`, per unit of each parameter; empty before a step.
-        marked: Those of the committed state.
-        kinks: Where contact was about to change, one per window and parameter.
+        marked: Derivatives of the committed state.
+        kinks: Places where contact was about to change, one per window and parameter.
     """
 
     def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:

@@ -69,7 +69,7 @@ _HELD = {
 class Parameter:
     """A number of a case."""
 
-    name: str  #: as written by the user
+    name: str  #: name as written by the user
     key: str  #: dotted key of the number; "" for a property of the steel
     value: float  #: in `unit`
     unit: str  #: unit of the resolved case; "percent" for a table that is multiplied, "" for none

@@ -138,8 +138,8 @@ class Variation:
     """A parameter with the simulations on both sides of it."""
 
     parameter: Parameter  #: with the step used
-    below: Varied  #: at `value - step`
-    above: Varied  #: at `value + step`
+    below: Varied  #: simulation at `value - step`
+    above: Varied  #: simulation at `value + step`
     #: difference of their T(H) and theta(H); None if they are those of the run
     curves: CurveDifference | None
 

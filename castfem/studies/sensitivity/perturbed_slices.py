@@ -29,7 +29,7 @@ SIGNS = (1.0, -1.0)  # above and below a parameter
 class DifferenceLimits:
     """Steps of differences by temperature, and detection of kinks."""
 
-    warmer: float = 1e-4  #: to either side, K
+    warmer: float = 1e-4  #: change of temperature to either side, K
     #: relative difference of the two halves above which there is a kink
     uneven: float = 0.1
     same_place: float = 1e-14  #: relative difference of two positions due to rounding

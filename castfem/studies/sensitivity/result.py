@@ -88,7 +88,7 @@ class Sensitivity:
     parameters: tuple[Parameter, ...]  #: parameters of the derivatives
     derivatives: tuple[Derivative, ...]  #: each result by each parameter
     steps: int  #: thermal steps of the run
-    #: where contact is about to change: there derivatives are one-sided
+    #: places where contact is about to change, so that derivatives are one-sided
     kinks: tuple[Kink, ...] = ()
     #: whether the run had mechanics, whose derivatives vary as the shell grows cell by cell
     strained: bool = False

@@ -61,7 +61,7 @@ class Stressed:
     kept: Indices  #: their indices among the active points (m,)
     rows: Indices  #: their indices among all points (m,)
     deviators: int  #: number of points of the deviator's rule; they come first
-    stress: Array  #: at the start of the step (m, 4), Pa
+    stress: Array  #: stress at the start of the step (m, 4), Pa
     internal: Array  #: state of the law there (m, states)
     before: Array  #: temperatures at its start (m,), K
     after: Array  #: temperatures at its end

@@ -145,7 +145,7 @@ class ThermalDerivatives:
 
     Attributes:
         enthalpy: dH/dp of each parameter (parameters, owned), J/m3 per unit of it.
-        rate: d(dH/dt)/dp likewise, W/m3.
+        rate: d(dH/dt)/dp of each parameter (parameters, owned), W/m3 per unit of it.
         removed: Derivatives of the heat removed from the modelled part (parameters,), J/m.
         solves: Number of back substitutions.
         feedback: Effects of the mechanics on the thermal steps of a window; None without any.

@@ -23,8 +23,8 @@ from castfem.model.load import changed
 class NameLengths:
     """Longest names, in characters."""
 
-    folder: int = 100  #: of a folder
-    value: int = 24  #: of a value in tables and legends
+    folder: int = 100  #: longest name of a folder
+    value: int = 24  #: longest text of a value in tables and legends
 
 
 LENGTHS = NameLengths()

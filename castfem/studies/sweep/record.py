@@ -276,7 +276,7 @@ TABLE_NAME = "sweep.csv"
 class Row:
     """A run and its results."""
 
-    name: str  #: of the run
+    name: str  #: name of the run
     given: Mapping[str, str]  #: values of the varied keys
     status: Status
     quantities: Mapping[str, Quantity]  #: its results, empty if there are none

@@ -51,7 +51,7 @@ class Derivatives:
 class Job:
     """A run to be made."""
 
-    name: str  #: of the run
+    name: str  #: name of the run
     folder: Path  #: output folder
     case: Case
     resume: bool = False  #: continue from the checkpoint, if there is one

@@ -1,10 +1,10 @@
 """The compiled loop over quadrature points: fully implicit radial return for all flow laws.
 
-`calling` is what Python calls, `loop` goes over the points; `point` makes of the strains and
-stresses of one the equivalent ones; `radial_return` solves the scalar problem that is left;
-`flow_stress` has the laws, `constants` the columns of their coefficients. How the answers change
-with what is given the same functions say, compiled for numbers with a derivative (`dual`). A
-deviator s has the equivalent stress q = sqrt(3/2) |s|.
+`calling` is the interface to Python, `loop` the loop over points; `point` reduces strains and
+stresses of a point to equivalent ones; `radial_return` solves the remaining scalar problem;
+`flow_stress` has the laws, `constants` the columns of their coefficients. Derivatives come from the
+same functions, compiled for numbers with a derivative (`dual`). A deviator s has the equivalent
+stress q = sqrt(3/2) |s|.
 
 Hardening depends on a strain h. Accumulated: h = R (p + dp), with R = 1 / (1 + dt/tau) for
 recovery. Signed: the viscoplastic strain tensor E is the state, e = R sqrt(2/3) E:n its part along

@@ -1,4 +1,4 @@
-"""What Python calls to integrate the points; it needs numba only where nothing is compiled yet."""
+"""Python interface of the compiled integration; numba is needed only for the first compilation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from castfem.base.types import Array, Flags
 from castfem.physics.constitutive.kernel.constants import LAST
 
 SOURCES = tuple(sorted(Path(__file__).parent.glob("*.py")))
-"""All files that the compiled code is made of."""
+"""All source files of the compiled code."""
 _ARGUMENTS = (*[c_int64] * 4, c_bool, c_double, *[c_void_p] * 11)
 
 
@@ -38,40 +38,40 @@ def integrate_points(
 
     Args:
         kind: One of the laws of `constants`.
-        signed: Whether hardening goes by the viscoplastic strain tensor; the first three columns of
-            the state are then its xx, yy and sqrt(2) xy.
-        coefficients: (n, columns).
+        signed: Whether the viscoplastic strain tensor determines hardening; its xx, yy and
+            sqrt(2) xy are then the first three columns of the state.
+        coefficients: Coefficients of the law (n, columns).
         strain: Total strain increments (n, 4).
         thermal: Isotropic thermal strain increments (n,).
-        stress_old: (n, 4), Pa.
-        state_old: (n, states).
-        dt: s.
-        stress: Out, (n, 4), Pa.
-        tangent: Out, (n, 4, 4), d stress / d strain, Pa.
-        state: Out, (n, states).
-        dissipation: Out, viscoplastic work (n,), J/m3, but for what a back stress stores.
-        flows: Out, whether the point flows (n,).
+        stress_old: Stress at the start (n, 4), Pa.
+        state_old: State variables at the start (n, states).
+        dt: Length of the step, s.
+        stress: Output, stress at the end (n, 4), Pa.
+        tangent: Output, d stress / d strain (n, 4, 4), Pa.
+        state: Output, state variables at the end (n, states).
+        dissipation: Output, viscoplastic work without that stored by a back stress (n,), J/m3.
+        flows: Output, whether each point flows (n,).
 
     Raises:
-        ValueError: Arrays do not belong together or to the law, are not in one piece, of other
-            numbers, or closed.
+        ValueError: Shapes of arrays differ from each other or from the law's, or an array is not
+            contiguous, has another type, or is read-only.
     """
     n, columns, states = len(strain), coefficients.shape[1], state_old.shape[1]
-    given = [
-        np.ascontiguousarray(one, dtype=float)
-        for one in (coefficients, strain, thermal, stress_old, state_old)
+    inputs = [
+        np.ascontiguousarray(array, dtype=float)
+        for array in (coefficients, strain, thermal, stress_old, state_old)
     ]
     shapes = (n, columns), (n, 4), (n,), (n, 4), (n, states)
-    written = stress, tangent, state, dissipation, flows
+    outputs = stress, tangent, state, dissipation, flows
     sizes = (n, 4), (n, 4, 4), (n, states), (n,), (n,)
-    if [one.shape for one in (*given, *written)] != [*shapes, *sizes]:
+    if [array.shape for array in (*inputs, *outputs)] != [*shapes, *sizes]:
         raise ValueError(f"arrays of a law that do not belong together: {n} points")
-    if not all(one.flags.writeable for one in written):
+    if not all(array.flags.writeable for array in outputs):
         raise ValueError("arrays for what a law answers must not be closed")
     if columns <= LAST[kind]:
         raise ValueError(f"a law needs {LAST[kind] + 1} coefficients a point, not {columns}")
     vectors = np.zeros((4, 4))
-    places = addresses(vectors, *given, *written[:-1]) + addresses(flows, of=bool)
+    places = addresses(vectors, *inputs, *outputs[:-1]) + addresses(flows, of=bool)
     _function()(n, columns, states, kind, signed, dt, *places)
 
 

@@ -55,7 +55,7 @@ def _log1p(a):  # type: ignore[no-untyped-def]
 
 
 def _sqrt(a):  # type: ignore[no-untyped-def]
-    value = math.sqrt(max(a.real, 0.0))  # of a sum of squares that is 0 up to the square of `TINY`
+    value = math.sqrt(max(a.real, 0.0))  # `a` is a sum of squares, 0 up to the square of `TINY`
     return complex(value, 0.5 * a.imag / value if value > 0.0 else 0.0)
 
 

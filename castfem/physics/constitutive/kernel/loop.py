@@ -59,29 +59,29 @@ def differentiate_points(  # type: ignore[no-untyped-def]
     d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
     d_stress, d_state, d_dissipation,
 ):  # fmt: skip
-    """Derivatives of what `calling.integrate_points` writes, as what it is given changes in k ways.
+    """Derivatives of the output of `calling.integrate_points` for k derivatives of its input.
 
     A point is solved first; one further Newton step with numbers that carry a derivative (`dual`)
     stays at the solution and gives its derivative. Flowing points keep flowing.
 
     Args:
-        kind: As in `calling.integrate_points`; so are the following up to `dt`.
-        signed: As there.
-        coefficients: (n, columns).
-        strain: (n, 4).
-        thermal: (n,).
-        stress_old: (n, 4).
-        state_old: (n, states).
-        dt: s.
+        kind: Law, see `calling.integrate_points`, as for the following up to `dt`.
+        signed: Kind of hardening.
+        coefficients: Coefficients of the law (n, columns).
+        strain: Total strain increments (n, 4).
+        thermal: Thermal strain increments (n,).
+        stress_old: Stress at the start (n, 4), Pa.
+        state_old: State variables at the start (n, states).
+        dt: Length of the step, s.
         d_coefficients: Derivatives (k, n, columns), one per parameter.
-        d_strain: (k, n, 4).
-        d_thermal: (k, n).
-        d_stress_old: (k, n, 4), Pa.
-        d_state_old: (k, n, states).
-        d_dt: (k,), s.
-        d_stress: Output (k, n, 4), Pa.
-        d_state: Output (k, n, states).
-        d_dissipation: Output (k, n), J/m3.
+        d_strain: Derivatives (k, n, 4).
+        d_thermal: Derivatives (k, n).
+        d_stress_old: Derivatives (k, n, 4), Pa.
+        d_state_old: Derivatives (k, n, states).
+        d_dt: Derivatives (k,), s.
+        d_stress: Output, derivatives (k, n, 4), Pa.
+        d_state: Output, derivatives (k, n, states).
+        d_dissipation: Output, derivatives (k, n), J/m3.
     """
     columns, states = coefficients.shape[1], state_old.shape[1]
     vectors, stress, state = np.zeros((4, 4)), np.zeros((1, 4)), np.zeros((1, states))

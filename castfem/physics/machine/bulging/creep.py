@@ -76,7 +76,7 @@ class Pitch:
     """One pitch, computed with some number of steps."""
 
     z: Array  #: nodes, m, (m+1,)
-    moment: Array  #: at the nodes, N per metre of width
+    moment: Array  #: moment at the nodes, N per metre of width
     history: LayerHistory  #: history of its layers
     start: Condition  #: stress and state at the upstream roll
     deflection: Array  #: deflection and slope, (2, m+1), of the strip that is straight on average

@@ -1,7 +1,7 @@
 """The loop that leads the layers of a shell through a history of the moment, for numba.
 
-`layers` calls it. It makes no arrays, so that its machine code needs nothing of numba to run
-(`castfem.base.shared_code`): all that it works in is given.
+`layers` calls it. It makes no arrays (all are passed to it), so that its machine code runs without
+numba (`castfem.base.shared_code`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from castfem.base.compiled import OPTIONS, compiled
 from castfem.physics.constitutive.kernel.loop import integrate_all
 
 BALANCED = 1e-6
-"""What may be out of balance, over the largest moment."""
+"""Allowed residual of the balance, over the largest moment."""
 ITERATIONS = 120
 NEW, INCREMENT, CHANGE, TAKEN, RATE = range(5)
 """Fields of all layers: new stress, strain increment, its correction and the last one taken, rate
@@ -28,8 +28,8 @@ DISSIPATION, FLOWS, THERMAL = range(3)
 def _solve(matrix, right):  # type: ignore[no-untyped-def]
     """Solve for the columns of `right`, in place: elimination with partial pivoting.
 
-    numba compiles np.linalg.solve, and what that says of its errors, for 5 s. Of a singular matrix
-    comes what is not finite.
+    numba would take 5 s to compile np.linalg.solve and its error messages. The result for a
+    singular matrix is not finite.
     """
     n, columns = right.shape
     for k in range(n):
@@ -74,19 +74,19 @@ def _correction(  # type: ignore[no-untyped-def]
     given.
 
     Args:
-        stress: (n, 4).
-        tangent: (n, 4, 4).
-        weight: (n,), m.
-        arm: Neutral depth less depth (n,), m.
-        moment: Given, N.
+        stress: Stress (n, 4), Pa.
+        tangent: Tangent of the law (n, 4, 4), Pa.
+        weight: Weights of the layers (n,), m.
+        arm: Neutral depth minus depth (n,), m.
+        moment: Prescribed moment, N.
         size: Thickness, m.
-        change: Output: correction of the strain increments (n, 4).
-        matrix: To work in (3, 3).
-        solved: The same (3, 2): by what is out of balance, by the moment.
-        net: The same (3,).
+        change: Output, correction of the strain increments (n, 4).
+        matrix: Work array (3, 3).
+        solved: Work array (3, 2): solution for the residual, and for the moment.
+        net: Work array (3,).
 
     Returns:
-        The imbalance as a moment, N, and d curvature / d moment.
+        The residual as a moment, N, and d curvature / d moment.
     """
     through = 0.0
     for k in range(3):
@@ -142,32 +142,31 @@ def lead(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, thermal_rate, weight, arm, size, moment, scale, dt, stress, state,
     curvature, axial, compliance, ended, fields, tangent, state_new, values, vectors,
 ):  # fmt: skip
-    """Lead the layers through a history of the moment, a step after the other.
+    """Lead the layers through a history of the moment, step by step.
 
     Args:
-        kind: Of the law, as its `coefficients` (n, columns) and whether it is `signed`: see
-            `calling.integrate_points`.
-        signed: As there.
-        coefficients: As there.
-        thermal_rate: (n,), 1/s.
-        weight: (n,), m.
-        arm: Neutral depth less depth (n,), m.
+        kind: Law, see `calling.integrate_points`.
+        signed: Kind of hardening, see there.
+        coefficients: Coefficients of the law (n, columns), see there.
+        thermal_rate: Rate of thermal strain (n,), 1/s.
+        weight: Weights of the layers (n,), m.
+        arm: Neutral depth minus depth (n,), m.
         size: Thickness, m.
-        moment: At the ends of the steps (m,), N per metre of width.
-        scale: Largest size of these.
-        dt: Of the steps (m,), s.
-        stress: At the start and then at the end (n, 4), Pa.
-        state: The same (n, states).
-        curvature: Out, since the start (m+1,), 1/m.
-        axial: Out, strain of the neutral axis since the start (m+1,).
-        compliance: Out, d curvature / d moment (m,), 1/(N m).
-        ended: Out, steps taken, all of them unless the layers cannot carry a moment, and what is
-            out of balance in the last, over what is carried (2,).
-        fields: To work in, 0 at first (5, n, 4).
-        tangent: The same (n, 4, 4).
-        state_new: The same (n, states).
-        values: The same (3, n).
-        vectors: The same (11, 4).
+        moment: Moments at the ends of the steps (m,), N per metre of width.
+        scale: Largest magnitude of the moments.
+        dt: Lengths of the steps (m,), s.
+        stress: Stress at the start; output: at the end (n, 4), Pa.
+        state: State variables at the start; output: at the end (n, states).
+        curvature: Output, curvature since the start (m+1,), 1/m.
+        axial: Output, strain of the neutral axis since the start (m+1,).
+        compliance: Output, d curvature / d moment (m,), 1/(N m).
+        ended: Output (2,), number of steps taken, fewer if the layers cannot carry a moment, and
+            the relative residual of the balance in the last step.
+        fields: Work array, initially 0 (5, n, 4).
+        tangent: Work array, initially 0 (n, 4, 4).
+        state_new: Work array, initially 0 (n, states).
+        values: Work array, initially 0 (3, n).
+        vectors: Work array, initially 0 (11, 4).
     """
     new, increment, change = fields[NEW], fields[INCREMENT], fields[CHANGE]
     taken, rate = fields[TAKEN], fields[RATE]

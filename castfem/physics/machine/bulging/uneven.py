@@ -27,8 +27,8 @@ ABOVE, BELOW = 2, 3
 class UnevenPitch:
     """A pitch near unequal rolls."""
 
-    #: bulge of the pitch alone, from the straight line between its two rolls; `roll_force` is that
-    #: of the roll above it
+    #: bulge of the pitch, from the straight line between its two rolls; `roll_force` is the force
+    #: on the roll above it
     bulge: Bulge
     #: extra loads of the rolls beyond half of the pressure on the neighbouring pitches: the roll
     #: above the pitch, the one below it and the next (3,), N per metre of width
@@ -129,11 +129,11 @@ class UnevenRolls:
         """The strip over the rolls that it touches.
 
         A roll that would pull by more than a thousandth of the pressure on a pitch is released; a
-        shell that comes to lie 1 um beyond a released roll touches it again.
+        shell that would be 1 um beyond a released roll touches it again.
 
         Returns:
-            The strip, and the force on each roll except the outermost ones, N per
-            metre of width, zero for rolls that it does not touch.
+            The strip, and the force on each roll except the outermost ones, N per metre of width,
+            zero for rolls that it does not touch.
         """
         left: list[int] = []
         firm = (*numbers[:2], *numbers[-2:])

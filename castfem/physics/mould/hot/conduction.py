@@ -40,7 +40,7 @@ class Heated:
     #: heat through the hot face of the quarter, W, from the given flux; NaN if its temperature is
     #: given
     supplied: float
-    removed: float  #: heat to the water, W; NaN likewise
+    removed: float  #: heat to the water, W; NaN if the temperature is given
     newton: int  #: Newton iterations
     solved: Solved  #: the linear solves: iterations of the last one
     hottest: float  #: highest temperature, K
