@@ -133,7 +133,7 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.fixture
 def userland(home: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the home with a userland, entered by a substitute of bubblewrap that starts a session."""
+    """Return the home with a userland, entered by a substitute of bubblewrap with its session."""
     folder = home.parent / "userland"
     folder.mkdir()
     (folder / "castfem-ready").touch()
@@ -180,7 +180,7 @@ def test_ranks_are_stopped_before_their_launcher(
 @pytest.mark.skipif(shutil.which("timeout") is None, reason="needs timeout of coreutils")
 @pytest.mark.parametrize("kind", ["home", "userland"])
 def test_timeout_ends_the_program(kind: str, request: pytest.FixtureRequest) -> None:
-    """It sends TERM and CONT to the wrapper, and both to its group: the program has to receive it."""
+    """It sends TERM and CONT to the wrapper, and both to its group: the program must receive it."""
     home = request.getfixturevalue(kind)
     script = 'trap "echo heard; exit 9" TERM; for _ in $(seq 900); do sleep 0.02; done; echo late'
     line = ["timeout", "3", str(ROOT / "tools/enter.sh"), str(home), "sh", "-c", script]

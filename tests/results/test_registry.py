@@ -149,7 +149,7 @@ def test_quantity_is_complete(definition: QuantityDefinition, samples: tuple[Sam
 
 
 def test_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> None:
-    """Below the maximum and close to it; exact for a uniform stress; smooth where two peaks swap."""
+    """Below and close to the maximum; exact for a uniform stress; smooth where two peaks swap."""
     strained, _, _, rolled, *_ = samples
     twin, way = strained.strained.smooth, strained.smooth_stress
     assert 0.85 * strained.strained.peak < twin.stress < strained.strained.peak

@@ -176,7 +176,7 @@ def test_lock_admits_one_at_a_time(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("without_locks")
 def test_file_system_without_locks_is_supported(tmp_path: Path) -> None:
-    """With filelock's reaction, an exception or a lock by the file's existence, nobody is blocked."""
+    """With filelock's reaction, an exception or a lock by an existing file, nobody is blocked."""
     lock = FileLock(tmp_path / "lock")
     assert taken(lock) == lock.is_locked
     lock.release()
