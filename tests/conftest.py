@@ -92,7 +92,7 @@ def collect_together() -> Iterator[None]:
 
 @pytest.fixture
 def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]:
-    """Collect the warnings of castfem, whatever an earlier test has done to its logger."""
+    """Collect the warnings of castfem, independent of changes of its logger by an earlier test."""
     from castfem.base.log import end_file, logger
 
     end_file()  # of an earlier run, made without the command line

@@ -75,7 +75,7 @@ def test_every_package_is_named_by_help(packages: ModuleType) -> None:
 def test_picture_has_the_present_imports(packages: ModuleType) -> None:
     with Image.open(ROOT / "docs" / "figures" / "packages.png") as picture:
         drawn = picture.info["Description"]
-    assert drawn == packages.written(packages.arrows()), "draw it anew: make pages"
+    assert drawn == packages.written(packages.arrows()), "draw it again: make pages"
 
 
 def test_types_count(packages: ModuleType, tmp_path: Path) -> None:

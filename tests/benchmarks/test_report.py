@@ -119,7 +119,7 @@ def test_tables_are_those_of_the_data(page: str, made: Path) -> None:
         for folder in (DOCS, made)
     )
     for name, text in there.items():
-        assert anew[name] == text, f"{page}: {name}: make it anew: python -m benchmarks tables"
+        assert anew[name] == text, f"{page}: {name}: regenerate it: python -m benchmarks tables"
         assert text.strip(), name
 
 

@@ -117,21 +117,21 @@ def test_run_that_mostly_writes_gets_advice(output: float, reported: bool) -> No
 
 
 @pytest.mark.parametrize(
-    ("change", "lines_on"),
+    ("change", "message"),
     [
         ("optimise.minimise=bloom_max", "optimise.minimise: ("),
         ("optimise.minimise=way_I1_max", 'optimise.minimise: ("way_I1_max") '),  # has no [quality]
         ("optimise.fidelity=coarse", ""),
     ],
 )
-def test_search_is_checked_with_its_case(tmp_path: Path, change: str, lines_on: str) -> None:
+def test_search_is_checked_with_its_case(tmp_path: Path, change: str, message: str) -> None:
     """Keys that the case lacks, and results that no run of it has, are found without a run."""
     file = tmp_path / "case.toml"
     file.write_text('extends = "billet125/optimum_single"\n')
-    if lines_on:
+    if message:
         with pytest.raises(InputError) as caught:
             check_case("case", file, [change])
-        assert any(lines_on in line for line in caught.value.problems)
+        assert any(message in line for line in caught.value.problems)
     else:
         assert "case: valid" in check_case("case", file, [change])
     mistyped = '[[optimise.variable]]\nkey = "mould.tapr"\nrange = ["0 %/m", "3 %/m"]\n'

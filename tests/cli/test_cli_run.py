@@ -126,9 +126,9 @@ def test_folder_of_a_run_represents_its_case(castfem, engine, case_file):
         resumed = castfem("run", "--resume", named)
         assert resumed.status == 0, resumed.err
         assert (engine.calls[-1].folder, engine.calls[-1].resume) == (Path("out/mine"), True)
-    anew = castfem("run", "out/mine")
-    assert (anew.status, len(engine.calls)) == (1, 3)
-    assert "castfem run --resume out/mine" in anew.err and "-o FOLDER" in anew.err
+    again = castfem("run", "out/mine")
+    assert (again.status, len(engine.calls)) == (1, 3)
+    assert "castfem run --resume out/mine" in again.err and "-o FOLDER" in again.err
     assert castfem("run", "out/mine", "-o", "again").status == 0
     assert engine.calls[-1].folder == Path("again")
     assert castfem("check", "out/mine").status == 0

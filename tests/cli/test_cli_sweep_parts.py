@@ -183,8 +183,8 @@ def test_bad_input_runs_nothing(refused, words, message) -> None:
 def test_accuracy_applies_to_all_runs(castfem, tmp_path):
     """As for a single run; a script for SLURM passes it on."""
     path = write_small(tmp_path)
-    asked = (sweeping.Options(str(path), None, accuracy=word) for word in ("coarse", "default"))
-    coarse, as_written = (one.case(path) for one in asked)
+    options = (sweeping.Options(str(path), None, accuracy=word) for word in ("coarse", "default"))
+    coarse, as_written = (one.case(path) for one in options)
     factor = factors_of("coarse")[MESH]
     assert factor > 1.0
     assert coarse.mesh.surface_size == pytest.approx(factor * as_written.mesh.surface_size)

@@ -104,14 +104,14 @@ def test_bash_inserts_the_completion(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_no_heavy_module_is_imported() -> None:
-    asked = {VARIABLE: "bash_complete", "COMP_CWORD": "4"}
-    asked["COMP_WORDS"] = "castfem\nrun\nbillet125/thermal\n--set\ncasting.le"
+    words = {VARIABLE: "bash_complete", "COMP_CWORD": "4"}
+    words["COMP_WORDS"] = "castfem\nrun\nbillet125/thermal\n--set\ncasting.le"
     code = (
         "import sys; from castfem.cli import execute; execute([]);"
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, **asked}, capture_output=True, text=True
+        [sys.executable, "-c", code], env={**os.environ, **words}, capture_output=True, text=True
     )
     assert done.stdout.split() == ["plain,casting.length=", "[]"], done.stderr
 
@@ -120,4 +120,4 @@ PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 
 
 def test_page_is_that_of_the_commands() -> None:
-    assert PAGE.read_text(encoding="utf-8") == markdown_page(), "write it anew: make pages"
+    assert PAGE.read_text(encoding="utf-8") == markdown_page(), "regenerate it: make pages"

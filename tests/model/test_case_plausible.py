@@ -395,7 +395,7 @@ def test_effective_keys_of_the_coupling_give_no_warning() -> None:
 def test_resolved_case_gives_no_further_warnings(
     case: Path, changes: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """It has every key with its default, which nobody has set."""
+    """It has every key with its default, although the user has set none of them."""
     written = read_case(case, changes)
     (tmp_path / "case.toml").write_text(written.case.resolved_toml(), encoding="utf-8")
     again = read_case(tmp_path / "case.toml")

@@ -107,7 +107,7 @@ def test_starter_has_a_mould_in_comments(tmp_path):
 
 def test_reference_page_is_up_to_date():
     page = (ROOT / "docs" / "case_files.md").read_text(encoding="utf-8")
-    assert page == markdown_page(), "write it anew: make pages"
+    assert page == markdown_page(), "regenerate it: make pages"
 
 
 def test_reference_page_has_every_table_and_key():

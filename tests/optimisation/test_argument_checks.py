@@ -23,7 +23,7 @@ def study(**table: Any) -> Study:
     return known_results.study(SPEED, SUPERHEAT, **table)
 
 
-def problem_of(call: Callable[[], object]) -> str:
+def problem(call: Callable[[], object]) -> str:
     with pytest.raises(InputError) as caught:
         call()
     (line,) = caught.value.problems
@@ -38,19 +38,15 @@ def test_case_is_accepted_by_name_and_path(tmp_path, monkeypatch):
     by_path = Evaluator(path, tmp_path / "one")
     assert by_path.case == Evaluator("small", tmp_path / "two").case
     assert by_path.case == Evaluator(small(), tmp_path / "three").case
-    assert problem_of(lambda: Study(path)).startswith(
-        f"{path}: optimise: the table is missing; add"
-    )
-    line = problem_of(lambda: Study("billet125/optimum_singel"))
+    assert problem(lambda: Study(path)).startswith(f"{path}: optimise: the table is missing; add")
+    line = problem(lambda: Study("billet125/optimum_singel"))
     assert line.endswith("did you mean billet125/optimum_single?")
 
 
 @pytest.mark.parametrize("given", [3, None, {"casting": {}}])
 def test_invalid_case_is_refused(tmp_path, given):
     for function in (Study, lambda case: Evaluator(case, tmp_path)):
-        assert "a case is needed, its path or the name of a" in problem_of(
-            lambda a=function: a(given)
-        )
+        assert "a case is needed, its path or the name of a" in problem(lambda a=function: a(given))
 
 
 def test_folders_and_counts(tmp_path):
@@ -66,21 +62,20 @@ def test_folders_and_counts(tmp_path):
         ),
         (tmp_path / "run", f"folder: {tmp_path / 'run'}: holds a single run; choose another"),
     ):
-        assert line in problem_of(lambda f=folder: Evaluator(case, f))
-        assert line in problem_of(lambda f=folder: Study(small({**SHORT, "optimise": ASKED}), f))
+        assert line in problem(lambda f=folder: Evaluator(case, f))
+        assert line in problem(lambda f=folder: Study(small({**SHORT, "optimise": REQUEST}), f))
     for given, line in (
         ({"processes": -1}, "processes must be an integer >= 0, got -1"),
         ({"processes": "2"}, "processes must be an integer >= 0, got '2'"),
         ({"ranks": 1.5}, "ranks must be an integer >= 1, got 1.5"),
     ):
         assert (
-            problem_of(lambda g=given: Evaluator(case, tmp_path / "new", **g))
-            == f"Evaluator: {line}"
+            problem(lambda g=given: Evaluator(case, tmp_path / "new", **g)) == f"Evaluator: {line}"
         )
     assert not (tmp_path / "new").exists()
 
 
-ASKED = {"minimise": "heat_removed", "variable": [SPEED]}
+REQUEST = {"minimise": "heat_removed", "variable": [SPEED]}
 
 
 def test_changes(tmp_path):
@@ -90,11 +85,9 @@ def test_changes(tmp_path):
         ({"casting.sped": "3 m/min"}, "changes: casting.sped"),
         ({3: 1}, "changes: 3: the name of a key is needed"),
     ):
-        assert problem_of(lambda g=given: evaluate(g)).startswith(line)
+        assert problem(lambda g=given: evaluate(g)).startswith(line)
     for word in ("corse", 3, ["coarse"]):
-        assert "fidelity must be one of thermal, coarse" in problem_of(
-            lambda w=word: evaluate({}, w)
-        )
+        assert "fidelity must be one of thermal, coarse" in problem(lambda w=word: evaluate({}, w))
     assert evaluate.runs == 0 and not (tmp_path / "new").exists()
 
 
@@ -102,7 +95,7 @@ def test_folder_with_runs_of_another_strand_is_refused(tmp_path):
     with Evaluator(small(SHORT), tmp_path) as evaluate:
         evaluate({"speed": "3 m/min"}, "coarse")
     other = small({**SHORT, "section.width": "150 mm", "section.height": "150 mm"})
-    line = problem_of(lambda: Evaluator(other, tmp_path))
+    line = problem(lambda: Evaluator(other, tmp_path))
     assert line.startswith(f"{tmp_path}: holds runs of another case (section.")
     assert line.endswith("; choose another folder")
     Evaluator(small({**SHORT, "casting.superheat": "12 K"}), tmp_path)  # may be varied
@@ -113,19 +106,19 @@ def test_folder_with_runs_of_another_strand_is_refused(tmp_path):
 
 def test_missing_result_is_reported():
     one = Evaluation({HEAT: Quantity(1.0, "J/m", "heat")})
-    assert problem_of(lambda: one["heat_remoed"]).endswith("did you mean heat_removed?")
-    assert "has failed: breakout" in problem_of(lambda: Evaluation({}, 0.5, "breakout")[HEAT])
+    assert problem(lambda: one["heat_remoed"]).endswith("did you mean heat_removed?")
+    assert "has failed: breakout" in problem(lambda: Evaluation({}, 0.5, "breakout")[HEAT])
 
 
 def test_runs_are_given_by_values_of_variables():
-    asked = study()
+    one = study()
     run = {"casting.speed": "0.05 m/s", "superheat": 30}
-    asked.tell(run, {STRESS: 1e6})
-    assert list(asked._runs.results) == [RunRequest((3.0, 30.0), "default")]
-    assert asked.case(run) == asked.case(RunRequest((3.0, 30.0), "default"))
+    one.tell(run, {STRESS: 1e6})
+    assert list(one._runs.results) == [RunRequest((3.0, 30.0), "default")]
+    assert one.case(run) == one.case(RunRequest((3.0, 30.0), "default"))
     for end in (2.0, 5.0):  # the ends of a range are included
-        asked.tell(RunRequest((end, 30.0), "default"), {STRESS: 1.0})
-    assert len(asked._runs.results) == 3
+        one.tell(RunRequest((end, 30.0), "default"), {STRESS: 1.0})
+    assert len(one._runs.results) == 3
 
 
 @pytest.mark.parametrize(
@@ -160,10 +153,10 @@ def test_runs_are_given_by_values_of_variables():
     ],
 )
 def test_invalid_run_is_refused(tmp_path: Path, run: Any, line: str) -> None:
-    asked = study()
-    assert line in problem_of(lambda: asked.tell(run, {STRESS: 1e6}))
-    assert line in problem_of(lambda: asked.case(run))
-    assert not asked._runs.results
+    one = study()
+    assert line in problem(lambda: one.tell(run, {STRESS: 1e6}))
+    assert line in problem(lambda: one.case(run))
+    assert not one._runs.results
 
 
 @pytest.mark.parametrize(
@@ -176,12 +169,12 @@ def test_invalid_run_is_refused(tmp_path: Path, run: Any, line: str) -> None:
     ],
 )
 def test_invalid_result_is_refused(given: Any, line: str) -> None:
-    asked = study()
-    (wanted, *_) = asked.ask()
-    assert problem_of(lambda: asked.tell(wanted, given)).startswith(line)
+    one = study()
+    (wanted, *_) = one.ask()
+    assert problem(lambda: one.tell(wanted, given)).startswith(line)
 
 
 def test_missing_results_are_refused():
-    assert "solve: obtain gave no results for" in problem_of(
+    assert "solve: obtain gave no results for" in problem(
         lambda: study().solve(obtain=lambda w: None)
     )

@@ -85,15 +85,15 @@ def converging(order: float) -> Given:
 @pytest.mark.parametrize("fidelity", ["coarse", "default", "fine"])
 def test_interval_contains_the_converged_optimum(fidelity: str, order: float):
     """The bound at zero cell size is met at 4.4 m/min; it is on one side, and not far beyond."""
-    asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": fidelity}
-    found = solve(study(**asked), converging(order))
+    table = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": fidelity}
+    found = solve(study(**table), converging(order))
     (value,), (kept,) = found.values, found.constraints
     cells = LEVELS[fidelity].cells ** order
     assert value.value == pytest.approx(4.4 - 0.1 * cells, abs=0.01)
     stated = RULES.safety * 0.1 * cells
     if order >= 1.0:
         assert kept.result.numerical == pytest.approx(1e6 * stated, rel=1e-3)
-    else:  # that of first order is stated, which is less
+    else:  # that of first order is stated, which is smaller
         stated = 1e-6 * kept.result.numerical
         assert 0.1 * cells < stated < RULES.safety * 0.1 * cells
     assert found.checked == ("default" if fidelity == "fine" else "fine")
@@ -145,18 +145,18 @@ def test_levels_that_fail():
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         return Evaluation({}, 0.5, "breakout") if wanted.fidelity in failing else bowl(wanted)
 
-    asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": "coarse"}
+    table = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": "coarse"}
     failing = ["fine"]
-    assert solve(study(**asked), given).checked == "default"
+    assert solve(study(**table), given).checked == "default"
     failing = ["fine", "default"]
-    found = solve(study(**asked), given)
+    found = solve(study(**table), given)
     assert found.checked == ""
     assert found.values[0].checked is None
     assert covered(found, 4.2)
 
 
 def test_flat_variable_does_not_blur_the_other():
-    """Runs are taken farther apart along the one whose interval is open; heat bends in the other.
+    """Runs are farther apart along the variable with an open interval; heat is curved in the other.
 
     The bound is met at 20 + 4 artanh 0.5 = 22.197 K, by the finest level at 22.473 K.
     """
@@ -168,8 +168,8 @@ def test_flat_variable_does_not_blur_the_other():
         off = {"coarse": 0.0, "default": 0.03, "fine": 0.05}[wanted.fidelity]
         return {STRESS: stress, HEAT: 1e6 * (np.tanh((superheat - 20.0) / 4.0) - off)}
 
-    asked = {"constraints": ["heat_removed >= 0.5 MJ/m"], "fidelity": "coarse"}
-    speed, superheat = solve(study(SPEED, SUPERHEAT, **asked), given).values
+    table = {"constraints": ["heat_removed >= 0.5 MJ/m"], "fidelity": "coarse"}
+    speed, superheat = solve(study(SPEED, SUPERHEAT, **table), given).values
     assert speed.high - speed.low > 0.5
     assert superheat.value == pytest.approx(22.197, abs=0.2)
     assert superheat.checked == pytest.approx(22.473, abs=0.15)
@@ -216,11 +216,11 @@ def test_constraints_that_cannot_be_met():
         speed = wanted.values[0]
         return {**bowl(wanted), HEAT: 1e6 * (5.0 - (speed - 4.2) ** 2)}
 
-    asked = ["heat_removed >= 9 MJ/m", "von_mises_max <= 1 GPa"]
-    found = solve(study(constraints=asked), given)
+    table = ["heat_removed >= 9 MJ/m", "von_mises_max <= 1 GPa"]
+    found = solve(study(constraints=table), given)
     assert found.status == "impossible"
     assert found.values[0].value == pytest.approx(4.2, abs=0.05)
-    assert found.worst.text == asked[0]
+    assert found.worst.text == table[0]
     assert found.worst.left == pytest.approx(-4e6, rel=1e-3)
     first = next(iter(report(found)))
     assert "cannot be met; nearest, heat_removed >= 9 MJ/m is missed by 4 MJ/m" in str(first)
@@ -269,7 +269,7 @@ def test_noise_about_the_best_run():
 
 
 def test_search_by_temperature_only():
-    """Its error is what the finest level changes, with its own; its check that by the finest."""
+    """The error is the change to the finest level plus its own; the finest level also checks."""
     moved = {"thermal": 0.0, "coarse": 0.4, "default": 0.3, "fine": 0.25}
 
     def given(wanted: RunRequest) -> dict[str, float]:
@@ -288,7 +288,7 @@ def test_search_by_temperature_only():
 
 
 def test_level_between_the_finest_and_its_error():
-    """Below as far as the error of the finest reaches, above by all of it."""
+    """Below it reaches as far as the error of the finest level, above it has the full error."""
     values = {"coarse": 1.4, "default": 1.2, "fine": 1.1}
     own = error(values, "fine")
     assert sides({"thermal": 1.0, **values}, "thermal") == pytest.approx(

@@ -119,15 +119,15 @@ def test_start_where_positions_are_misleading():
 
 def test_failed_run_is_given_by_its_folder(tmp_path: Path):
     """Its position and reason count; the contents of its summary are not used."""
-    asked = study(constraints=["heat_removed >= 2 MJ/m"])
-    (wanted, *_) = asked.ask()
+    one = study(constraints=["heat_removed >= 2 MJ/m"])
+    (wanted, *_) = one.ask()
     folder = write_run(tmp_path / "run")
     record, summary = RunRecord.load(folder), Summary.load(folder)
     assert summary is not None
     replace(record, status="failed", reason="a breakout", reached={"position": 3e-3}).write(folder)
     write_json(folder / SUMMARY_NAME, replace(summary, status="failed").to_json())
-    asked.tell(wanted, Result(folder))
-    given = asked._runs.results[wanted]
+    one.tell(wanted, Result(folder))
+    given = one._runs.results[wanted]
     assert given.failed and given.message == "a breakout"
     assert given.share == pytest.approx(0.5) and not given.quantities
 
@@ -166,8 +166,8 @@ def lines(found: Optimum) -> str:
 def test_failing_levels_open_the_interval(
     fidelity: str, levels: tuple[str, ...], why: str, constraints: list[str]
 ) -> None:
-    asked = study(fidelity=fidelity, constraints=constraints)
-    found = solve(asked, failing(*levels))
+    one = study(fidelity=fidelity, constraints=constraints)
+    found = solve(one, failing(*levels))
     (value,) = found.values
     assert value.open_low and value.open_high
     assert "or less to" in interval(value) and interval(value).endswith("or more")

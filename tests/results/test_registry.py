@@ -200,7 +200,7 @@ def test_sample_has_the_results_of_its_simulation(samples: tuple[Sample, ...]) -
 
 def test_page_is_that_of_the_registry() -> None:
     page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
-    assert written(page) == page, "write it anew: make pages"
+    assert written(page) == page, "regenerate it: make pages"
     for d in declared():
         assert f"`{d.named('P' if d.each else '')}`" in page, d.name
 

@@ -84,7 +84,7 @@ def test_contact_is_lost_first_at_the_corner() -> None:
     assert ended.gap["corner"] > 1e-4 and ended.pressure["mid_face"] > 0.0
 
 
-def test_a_gap_keeps_the_corner_hot() -> None:
+def test_gap_keeps_the_corner_hot() -> None:
     hot = {name: cast(name).value("surface_temperature_corner") for name in MOULDS}
     assert hot["taper_0"] > hot["taper_1"] + 50.0
     assert cast("taper_0").value("shell_corner") < 0.8 * cast("taper_1").value("shell_corner")

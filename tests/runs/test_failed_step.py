@@ -54,11 +54,11 @@ class Attempts:
 
     Args:
         patch: Patch for the time of the run.
-        spoil: Spoils what the attempt uses, by the patch it takes; None replaces the attempt, and
-            nothing is computed.
+        spoil: Function of the patch for the failing attempt that spoils what the attempt uses; if
+            None, nothing is computed in its place.
 
     Attributes:
-        before: The committed state at the begin of each failed attempt.
+        before: The committed state at the beginning of each failed attempt.
         after: The same state at its end.
         given: The initial state of the attempt that follows each of these.
     """

@@ -280,7 +280,7 @@ def test_full_disk_is_reported_once(
     assert len(warned) == (0 if again else 1)
 
 
-TOLD = """
+SIGNALLED = """
 import os, signal, sys
 from castfem.cli import main
 from castfem.cli.parallel import communicator
@@ -301,7 +301,7 @@ def test_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
     options = (*COARSE, "casting.length=60 mm", "thermal.time.step=0.1 s")
     words = ["run", str(THERMAL), "-q", *(w for o in options for w in ("--set", o))]
     folder = tmp_path / "cut"
-    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), timeout=180.0)
+    done = python_on(2, "-c", SIGNALLED, *words, "-o", str(folder), timeout=180.0)
     assert done.returncode == 130, done.stderr
     assert done.stderr.count("castfem: interrupted; `castfem run ... --resume` continues") == 1
     assert record(folder)["reason"].startswith("stopped by SIGHUP")  # which MPI's UCX would swallow

@@ -315,8 +315,8 @@ def test_checkpoints_are_at_least_a_second_apart(
 ) -> None:
     """Without `output.checkpoint_every`; with it there is one every so many steps."""
     short = {"thermal.time": {"step": "10 ms"}, "output.fields": []}
-    asked, saved = itertools.count(), []
-    monkeypatch.setattr(recorder, "monotonic", lambda: 0.6 * next(asked))
+    calls, saved = itertools.count(), []
+    monkeypatch.setattr(recorder, "monotonic", lambda: 0.6 * next(calls))
     save = recorder.save_checkpoint
 
     def noted(path: Path, meta: dict[str, Any], *given: Any, **named: Any) -> None:

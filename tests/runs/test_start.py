@@ -102,7 +102,7 @@ def test_run_begins_with_a_profile(at: str) -> None:
     loop.simulation.destroy()
 
 
-def test_start_ahead_of_the_meniscus_is_further_down() -> None:
+def test_meniscus_with_contact_is_further_down() -> None:
     """With one law of cooling the slice is as 30 mm further down; heat counts as poured."""
     ahead = begun(small({"casting.start": {"meniscus": "30 mm"}, "casting.length": "24 mm"}))
     plain = begun(small({"casting.length": "54 mm"}))

@@ -262,7 +262,7 @@ def test_steadily_opening_gap_is_found_at_once() -> None:
         )
         found.append((kept.value("surface_temperature_corner"), kept.summary.steps))
     (corner, steps), (settled_corner, _) = found
-    assert abs(corner - settled_corner) < 0.2  # 0.7 with the gap at the begin
+    assert abs(corner - settled_corner) < 0.2  # 0.7 with the gap at the beginning
     assert steps["coupling iterations"] < 1.2 * steps["coupling windows"]
 
 

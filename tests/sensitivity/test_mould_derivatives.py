@@ -188,32 +188,30 @@ def short() -> Case:
     return billet().with_({"casting.length": "15 mm"})
 
 
-def results(case: Case, asked: Sequence[str] = READ) -> tuple[RunState, dict[str, float]]:
+def results(case: Case, columns: Sequence[str] = READ) -> tuple[RunState, dict[str, float]]:
     """Return the end of a plain run, and its results."""
     simulation = build(case, MPI.COMM_SELF)
     simulation.problem.tolerance = 1e-12
     loop = TimeLoop(simulation)
     sample = loop.run()
     having = {one.named(probe): (one, probe) for one, probe in columns_of(simulation)}
-    read = {name: float(having[name][0].value(sample, having[name][1]) or 0.0) for name in asked}
+    read = {name: float(having[name][0].value(sample, having[name][1]) or 0.0) for name in columns}
     simulation.destroy()
     return loop.run_state, read
 
 
 def check(
-    case: Case, names: list[str], names_of_results: Sequence[str], share: float, *rel: float
+    case: Case, names: list[str], columns: Sequence[str], share: float, *rel: float
 ) -> Sensitivity:
     """Compare derivatives with differences of runs, a share of each parameter to both sides.
 
     The share is small: with larger ones other points freeze or touch. `rel` is for each result.
     """
-    found = castfem.sensitivities(case, names, list(names_of_results))
+    found = castfem.sensitivities(case, names, list(columns))
     for one in read_parameters(case, case_steel(case), names):
         by = share * one.value
-        ends = [
-            results(one.case_at(case, one.value + s * by), names_of_results)[1] for s in (1.0, -1.0)
-        ]
-        for result, near in zip(names_of_results, rel, strict=True):
+        ends = [results(one.case_at(case, one.value + s * by), columns)[1] for s in (1.0, -1.0)]
+        for result, near in zip(columns, rel, strict=True):
             known = (ends[0][result] - ends[1][result]) / (2.0 * by)
             slope = found.gradient[result][one.name]
             assert slope == pytest.approx(known, rel=near), (one.name, result)
@@ -221,7 +219,7 @@ def check(
 
 
 def test_billet_in_its_mould_has_the_differences_of_runs() -> None:
-    """Contact, friction, gap, repeated windows, shape and heat of flow, all at once.
+    """Contact, friction, gap, repeated windows, shape and heat of flow together.
 
     By a ten-thousandth: with more, other points freeze. The pressure at mid-face is that of the
     liquid behind it: 1 %/m changes it by 5e-5 of itself.
@@ -246,9 +244,9 @@ def test_cut_windows_are_cut_equally_in_compared_runs() -> None:
 def test_steel_of_variable_density_keeps_its_mass() -> None:
     """The enthalpy of a moving slice depends on density at the solidus, and on the pouring."""
     steel = {"steel.name": "plain_carbon", "steel.composition": {"C": 0.123, "Mn": 0.6, "Si": 0.2}}
-    asked = ("heat_removed", "axial_strain", "von_mises_max")
+    columns = ("heat_removed", "axial_strain", "von_mises_max")
     names = ["steel.composition.C", "casting.superheat"]
-    check(billet().with_(steel), names, asked, 1e-5, 3e-3, 3e-3, 3e-3)
+    check(billet().with_(steel), names, columns, 1e-5, 3e-3, 3e-3, 3e-3)
 
 
 def test_computed_steel_has_the_differences_of_runs(
@@ -257,15 +255,15 @@ def test_computed_steel_has_the_differences_of_runs(
     """By a hundred-thousandth: with more, other points freeze and touch."""
     steel = {"name": "plain_carbon", "composition": {"C": 0.2}, "diagram": "pascon"}
     case = billet().with_({"steel": steel})
-    names, asked = ["steel.density", "steel.composition.C", "steel.thermal_expansion"], READ[:3]
-    slopes = castfem.sensitivities(case, ",".join(names), ",".join(asked)).gradient
+    names, columns = ["steel.density", "steel.composition.C", "steel.thermal_expansion"], READ[:3]
+    slopes = castfem.sensitivities(case, ",".join(names), ",".join(columns)).gradient
     for one in read_parameters(case, case_steel(case), names):
         ends = []
         for value in (one.value * (1.0 + 1e-5), one.value * (1.0 - 1e-5)):
             with monkeypatch.context() as patch:
                 patch.setattr(building, "case_steel", partial(_steel_at, one, value))
-                ends.append(results(one.case_at(case, value), asked)[1])
-        for result in asked:
+                ends.append(results(one.case_at(case, value), columns)[1])
+        for result in columns:
             known = (ends[0][result] - ends[1][result]) / (2e-5 * one.value)
             assert slopes[result][one.name] == pytest.approx(known, rel=5e-6), (one.name, result)
 
@@ -276,16 +274,16 @@ def _steel_at(parameter: Parameter, value: float, case: Case) -> Steel:
 
 def test_gap_by_the_speed_is_read_at_the_end() -> None:
     """At the end of the run, not at the time of the run."""
-    case, name, asked = billet(), "casting.speed", ("gap_corner", "gap_max", "von_mises_max")
-    slopes = castfem.sensitivities(case, name, ",".join(asked)).gradient
+    case, name, columns = billet(), "casting.speed", ("gap_corner", "gap_max", "von_mises_max")
+    slopes = castfem.sensitivities(case, name, ",".join(columns)).gradient
     (parameter,) = read_parameters(case, case_steel(case), [name])
     ends = []
     for share in (1e-4, -1e-4):
         window = f"{0.25 / (1.0 + share)!r} s"  # at the same places of the strand
         held = {"coupling.interval": window, "thermal.time.step": window}
         moved = parameter.case_at(case, parameter.value * (1.0 + share))
-        ends.append(results(moved.with_(held), asked)[1])
-    for result in asked:
+        ends.append(results(moved.with_(held), columns)[1])
+    for result in columns:
         known = (ends[0][result] - ends[1][result]) / (2e-4 * parameter.value)
         assert slopes[result][name] == pytest.approx(known, rel=1e-3), result
 
@@ -309,8 +307,8 @@ def test_fast_closing_or_distant_mould(
     Heat leaves a sharp corner through two gaps. With a distant wall the stress is that of the
     liquid and hardly depends on the wall.
     """
-    asked = ("heat_removed", "von_mises_max", "displacement_mid_face")
-    check(billet().with_(changes), [name], asked, share, *near)
+    columns = ("heat_removed", "von_mises_max", "displacement_mid_face")
+    check(billet().with_(changes), [name], columns, share, *near)
 
 
 def test_pressure_of_deep_liquid_depends_on_the_density() -> None:

@@ -86,7 +86,7 @@ def test_alloy_has_the_derivatives_of_its_similarity() -> None:
     smoothed and stated with its error.
     """
     names = {"latent_heat": 1e3, "solidus": 1.0, "conductivity": 0.3}  # SI of their units
-    spreads = {"latent_heat": 30.0, "solidus": 10.0, "conductivity": 10.0}  # as asked below
+    spreads = {"latent_heat": 30.0, "solidus": 10.0, "conductivity": 10.0}  # as requested below
     case = castfem.load("verification/alloy_similarity").with_(SIMILARITY)
     found = castfem.sensitivities(
         case,

@@ -42,7 +42,7 @@ BEGUN = 0.25  # of the time: strains are compared from there on; before, one or 
 
 @dataclass(slots=True)
 class StrainSlopes(Marks):
-    """Notes the derivatives of the axial strain after each window."""
+    """Recorder of the derivatives of the axial strain after each window."""
 
     noted: list[tuple[float, list[float]]] = field(default_factory=list)
 
@@ -194,7 +194,7 @@ def test_slope_at_a_jump_or_kink_is_that_of_one_side() -> None:
 
 
 def test_narrow_blend_has_its_slope_at_its_begin() -> None:
-    """As the weight of delta ferrite, whose blend is narrow: that is no kink."""
+    """Like the weight of delta ferrite, whose blend is narrow: that is no kink."""
 
     def blended(t: Array) -> Array:
         x = np.clip((t - 1700.0) / 3.0, 0.0, 1.0)

@@ -215,14 +215,14 @@ def test_other_refusals_do_not_count_as_missing_locks(
 
 def test_fields_are_read_without_a_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """HDF5 has own locks, and fails on errors other than ENOSYS; h5py is told to use none."""
-    asked = []
+    calls = []
 
     def opened(path: Path, mode: str, **options: object) -> None:
-        asked.append((mode, options))
+        calls.append((mode, options))
 
     monkeypatch.setattr(h5py, "File", opened)
     open_hdf5(tmp_path / "fields.h5")
-    assert asked == [("r", {"locking": False})]
+    assert calls == [("r", {"locking": False})]
 
 
 # Messages about a folder that cannot be written

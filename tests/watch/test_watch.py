@@ -191,12 +191,9 @@ def test_sweep_has_a_line_for_each_run(tmp_path: Path) -> None:
     clock.now *= 2.0
     last = watcher.status()
     assert last.ended and not last.complete
-    text_of_unfinished = "\n".join(unfinished(last))
-    assert (
-        "1 waiting: later" in text_of_unfinished
-        and "no run has been running for 1:01" in text_of_unfinished
-    )
-    assert "--wait" in text_of_unfinished and "fast: failed: it breaks out" in text_of_unfinished
+    reasons = "\n".join(unfinished(last))
+    assert "1 waiting: later" in reasons and "no run has been running for 1:01" in reasons
+    assert "--wait" in reasons and "fast: failed: it breaks out" in reasons
     assert not SweepWatcher(tmp_path, clock, math.inf).status().ended
     target = tmp_path / "page.html"
     Page(tmp_path, target, 1.0, clock).write_sweep(last)
