@@ -9,8 +9,8 @@ from small_case import small
 
 from castfem.model import Case
 
-HALF = 0.05  # m: of the thickness
-RADIUS = 5.0  # m: of the extrados
+HALF = 0.05  # m: half of the thickness
+RADIUS = 5.0  # m: radius of the extrados
 SEGMENT = {"rolls": 3, "pitch": "250 mm", "diameter": "120 mm"}
 BENT = {
     "section.symmetry": "half",
@@ -37,7 +37,7 @@ BENT = {
 
 
 def bent(**changes: Any) -> Case:
-    """A billet of 100 mm, 1.5 m through its rolls; `a__b=c` replaces what stands at a.b."""
-    # A copy: what is replaced within a table must not stay in it.
-    given = copy.deepcopy(BENT) | {key.replace("__", "."): value for key, value in changes.items()}
-    return small(given)
+    """Return a billet of 100 mm, 1.5 m through its rolls; `a__b=c` replaces the value of a.b."""
+    # A copy: a value that is replaced in a nested table must not remain in BENT.
+    document = copy.deepcopy(BENT) | {k.replace("__", "."): value for k, value in changes.items()}
+    return small(document)

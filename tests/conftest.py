@@ -1,4 +1,4 @@
-"""Shared by all tests: what several ranks need, runs that never were, and what is warned of."""
+"""Fixtures and settings of all tests: ranks, synthetic runs, the command line, logged warnings."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# Each of the hundreds of forms that are compiled asks six times what all installed packages
-# register for setuptools, which reads their metadata anew.
+# Each of hundreds of compiled forms asks setuptools six times for the entry points of all
+# installed packages, which reads their metadata each time.
 importlib.metadata.entry_points = lru_cache(importlib.metadata.entry_points)
 
 # A run waits for the disk forty times, longer than a small one computes. Tests kill processes,
-# which loses nothing that the operating system has; none cuts the power.
+# which loses nothing that the operating system has buffered; no test cuts the power.
 os.fsync = lambda _handle: None
 
-# The same examples every time, and no clock: a slow machine is no failure.
+# The same examples every time, and no deadline: a slow machine is no failure.
 settings.register_profile(
     "castfem", deadline=None, derandomize=True, database=None, max_examples=30
 )
@@ -38,7 +38,7 @@ settings.load_profile("castfem")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let rank 0 alone report."""
+    """Let only rank 0 report."""
     from mpi4py import MPI
 
     if MPI.COMM_WORLD.size > 1 and MPI.COMM_WORLD.rank > 0:
@@ -48,14 +48,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that hold long tests, so that no worker waits for one at the end."""
+    """Begin with the files that contain long tests, so that no worker waits for one at the end."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 def pytest_collection_finish() -> None:
-    """Hide what the tests have imported; Hypothesis asks once before what its random numbers are.
+    """Hide imported modules from the garbage collector after a first call of Hypothesis.
 
-    It finds them among what the garbage collector sees.
+    Hypothesis looks once for random number generators among the objects of the collector.
     """
     given(strategies.none())(lambda nothing: None)()
     _hide_imported()
@@ -65,9 +65,9 @@ _hidden = 0
 
 
 def _hide_imported() -> None:
-    """Hide modules from the garbage collector, which every run asks as it ends.
+    """Hide modules from the garbage collector, which every run calls at its end.
 
-    It would look through all of them, hundreds of times: a fifth of what small runs cost.
+    It would search all of them, hundreds of times: a fifth of the cost of small runs.
     """
     global _hidden
     if len(sys.modules) > _hidden:
@@ -86,16 +86,16 @@ def collect_together() -> Iterator[None]:
         if MPI.COMM_WORLD.size > 1:
             gc.collect()
             MPI.COMM_WORLD.Barrier()
-            return  # what one rank alone has imported must not decide what it frees
+            return  # what a single rank has imported must not decide what it frees
     _hide_imported()
 
 
 @pytest.fixture
 def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]:
-    """What castfem warns of, whatever a test before has done to its logger."""
+    """Collect the warnings of castfem, independent of changes of its logger by an earlier test."""
     from castfem.base.log import end_file, logger
 
-    end_file()  # of a run before, made without the command line
+    end_file()  # of an earlier run, made without the command line
     before, logger.propagate = logger.propagate, False
     logger.addHandler(caplog.handler)
     with caplog.at_level("WARNING", logger.name):
@@ -105,13 +105,13 @@ def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]
 
 
 class Here(Executor):
-    """Does the runs of a sweep in this process."""
+    """Executor that does the runs of a sweep in this process."""
 
     def __init__(self, count: int, noise: Path) -> None:
         pass
 
     def submit(self, function: Any, /, *args: Any, **keywords: Any) -> Future[Any]:
-        """Do it at once."""
+        """Call the function immediately."""
         call: Future[Any] = Future()
         call.set_result(function(*args, **keywords))
         return call
@@ -119,14 +119,14 @@ class Here(Executor):
 
 @pytest.fixture
 def runs_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sweep starts no processes, which tests/cli/test_cli_sweep.py tests."""
+    """Let a sweep start no processes (tests/cli/test_cli_sweep.py tests those)."""
     from castfem.studies.sweep import workers
 
     monkeypatch.setattr(workers, "Processes", Here)
 
 
 class Outcome(NamedTuple):
-    """Exit status of a command and what it has printed."""
+    """Exit status of a command and its printed text."""
 
     status: int
     out: str
@@ -137,7 +137,7 @@ class Outcome(NamedTuple):
 def castfem(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> Callable[..., Outcome]:
-    """The command line in this process, in an empty folder; not as a rank of a launcher."""
+    """Run the command line in this process, in an empty folder; not as a rank of a launcher."""
     from castfem.cli import execute
 
     for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
@@ -154,7 +154,7 @@ def castfem(
 
 @pytest.fixture
 def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A temporary folder that is the same on all ranks."""
+    """Return a temporary folder that is the same on all ranks."""
     from mpi4py import MPI
 
     folder = str(tmp_path_factory.mktemp("shared")) if MPI.COMM_WORLD.rank == 0 else None
@@ -163,7 +163,7 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run that has ended well; not to be changed."""
+    """Return the folder of a finished run; not to be changed."""
     from synthetic_run import write_run
 
     return write_run(tmp_path_factory.mktemp("finished"))
@@ -171,7 +171,7 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def strained_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run with mechanics; not to be changed."""
+    """Return the folder of a run with mechanics; not to be changed."""
     from strained_run import write_strained
 
     return write_strained(tmp_path_factory.mktemp("strained"))
@@ -179,7 +179,7 @@ def strained_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def table(strained_run: Path) -> pd.DataFrame:
-    """Its history."""
+    """Return the history of the run with mechanics."""
     from castfem.runs.output.history import read_history
 
     return read_history(strained_run / "history.csv")

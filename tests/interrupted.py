@@ -1,4 +1,4 @@
-"""Runs that their user stops, and that go on."""
+"""Runs that are stopped by their user, and are resumed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from castfem.runs import loop
 
 
 class Interrupted(Progress):
-    """Ctrl-C after so many steps."""
+    """Progress display that raises KeyboardInterrupt after a number of steps."""
 
     def __init__(self, steps: int) -> None:
         super().__init__(verbosity=-1, terminal=False)
@@ -27,13 +27,13 @@ class Interrupted(Progress):
 
 
 def stopped(case: Case, folder: Path, steps: int) -> None:
-    """Run a case on one rank until it is stopped after so many steps."""
+    """Run a case on one rank until it is stopped after `steps` steps."""
     with pytest.raises(KeyboardInterrupt):
         loop.run(case, folder, comm=MPI.COMM_SELF, progress=Interrupted(steps))
 
 
 def history_of(case: Case, folder: Path, stopped_after: int = 0) -> bytes:
-    """The history of a run on one rank that was stopped after so many steps (0: never)."""
+    """Return the history of a run on one rank that is stopped after some steps (0: never)."""
     if stopped_after:
         stopped(case, folder, stopped_after)
     loop.run(case, folder, comm=MPI.COMM_SELF, resume=stopped_after > 0)

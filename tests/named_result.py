@@ -1,4 +1,4 @@
-"""Whatever names a result knows one: references, objectives, constraints and units."""
+"""Places where a case names a result: references, objectives, constraints and units."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ VARIABLE = {"key": "casting.speed", "range": ["3 m/min", "4 m/min"]}
 
 
 def assert_named_everywhere(name: str, value: str) -> None:
-    """A declared result can be compared with, made best, kept to a bound and shown in a unit.
+    """Check that a declared result can be a reference, an objective, a constraint and have a unit.
 
     Args:
-        name: Of the result.
-        value: In a unit that measures it.
+        name: Name of the result.
+        value: A value in a unit that measures it.
     """
     unit = value.partition(" ")[2]
     reference = {"quantity": name, "source": "a test"}

@@ -1,4 +1,4 @@
-"""Python on several ranks, started as a user starts it."""
+"""Python processes on several ranks, started as a user starts them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ import pytest
 _LAUNCHER = ("OMPI_", "PMIX_", "PMI_", "PRTE_")
 _KEPT = ("OMPI_MCA_btl", "OMPI_MCA_mpi_yield_when_idle")  # the user's choice, not the launcher's
 _ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-# Open MPI names its folder by its process, and does not start where one that was killed has left a
-# folder under the same number: each has its own place.
+# Open MPI names its session folder by its process, and does not start where a killed process has
+# left a folder with the same number: each launch has its own place.
 _SESSIONS = tempfile.TemporaryDirectory(prefix="ranks")
-# Open MPI asks for leave; MPICH does not, nor does it know the word.
+# Only Open MPI needs this option; MPICH does not have it.
 _MORE_THAN_CORES = ["--oversubscribe"] if "Open MPI" in MPI.Get_library_version() else []
 
 needs_mpirun = pytest.mark.skipif(
@@ -36,13 +36,13 @@ needs_mpirun = pytest.mark.skipif(
 def python_on(
     ranks: int, *words: str, folder: Path | None = None, timeout: float = 300.0
 ) -> subprocess.CompletedProcess[str]:
-    """Run Python on so many ranks (1: without mpirun), and return what came of it.
+    """Run Python on several ranks (1: without mpirun) and return the completed process.
 
     Args:
-        ranks: How many.
-        words: Of Python's command line.
-        folder: Where it runs.
-        timeout: After which the test has failed, s.
+        ranks: Number of ranks.
+        words: Arguments of Python.
+        folder: Working folder.
+        timeout: Time after which the test has failed, s.
     """
     command, environment = started(ranks, words)
     return subprocess.run(
@@ -57,10 +57,10 @@ def python_on(
 
 
 def mains(folder: Path, *commands: Sequence[str], then: Sequence[str] = ()) -> list[str]:
-    """Words for Python: commands of castfem one after another, each of which is refused.
+    """Return arguments for Python that run several commands of castfem, each of which is refused.
 
-    Its status is 0 if each command has left with 1 on all ranks and, if there is one, that of the
-    command after them.
+    The exit status is 0 if each command has ended with 1 on all ranks; if there is a command
+    `then`, its status is the exit status.
     """
     script = folder / "refused.py"
     script.write_text(
@@ -78,7 +78,7 @@ def mains(folder: Path, *commands: Sequence[str], then: Sequence[str] = ()) -> l
 def killed_on(
     ranks: int, *words: str, folder: Path, when: Callable[[], bool], timeout: float = 300.0
 ) -> None:
-    """Run Python on so many ranks, and kill all of them as soon as something is so."""
+    """Run Python on several ranks, and kill all of them as soon as `when` is true."""
     command, environment = started(ranks, words)
     with subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -87,15 +87,15 @@ def killed_on(
         while not when() and launcher.poll() is None and time.monotonic() < end:
             time.sleep(0.02)
         assert launcher.poll() is None, "it ended before it could be killed"
-        every = [launcher, *psutil.Process(launcher.pid).children(recursive=True)]
-        for process in every:
+        processes = [launcher, *psutil.Process(launcher.pid).children(recursive=True)]
+        for process in processes:
             with suppress(psutil.NoSuchProcess):
                 process.kill()
 
 
 def started(ranks: int, words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return command line and environment of Python on so many ranks."""
-    # What the launcher of this process has left would be taken for the new one's.
+    """Return command line and environment of Python on several ranks."""
+    # The variables of this process's launcher would be taken for those of the new one.
     clean = {
         key: value
         for key, value in os.environ.items()

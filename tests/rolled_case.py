@@ -42,16 +42,16 @@ ROLLED = {
 
 
 def rolled(**changes: Any) -> Case:
-    """The slab; `a__b=c` replaces what stands at a.b."""
-    given = ROLLED | {key.replace("__", "."): value for key, value in changes.items()}
-    return small(copy.deepcopy(given))
+    """Return the case of the slab; `a__b=c` replaces the value of a.b."""
+    document = ROLLED | {key.replace("__", "."): value for key, value in changes.items()}
+    return small(copy.deepcopy(document))
 
 
 def secondary(**changes: Any) -> dict[str, Any]:
-    """Its [secondary] with some keys replaced."""
+    """Return [secondary] of the slab with some keys replaced."""
     return {k: v for k, v in (SECONDARY | changes).items() if v is not None}
 
 
 def circuit(**changes: Any) -> dict[str, Any]:
-    """Its circuit with some keys replaced."""
+    """Return the circuit of the slab with some keys replaced."""
     return SECONDARY["circuit"][0] | changes

@@ -1,4 +1,4 @@
-"""A slab whose rolls stand in a CSV file."""
+"""A slab whose rolls are in a CSV file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def written(tmp_path: Path, rows: tuple[str, ...] = ROWS, header: str = HEADER) 
     return tmp_path / "mine.toml"
 
 
-def rolls_of(what: Case) -> Rolls:
-    found = what.machine.pairs()
+def rolls_of(loaded: Case) -> Rolls:
+    found = loaded.machine.pairs()
     assert found is not None
     return found

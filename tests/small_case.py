@@ -96,12 +96,12 @@ def write_small(folder: Path, name: str = "small.toml") -> Path:
 
 
 def small(changes: Mapping[str, Any] | None = None) -> Case:
-    """The billet, changed: dotted key to what replaces all that stood there."""
+    """Return the billet, changed: dotted key to its new value."""
     return _changed(SMALL, changes or {})
 
 
 def strip(changes: Mapping[str, Any] | None = None) -> Case:
-    """The strip, changed: dotted key to what replaces all that stood there."""
+    """Return the strip, changed: dotted key to its new value."""
     return _changed(STRIP, changes or {})
 
 

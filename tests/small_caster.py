@@ -22,25 +22,25 @@ STOP: dict[str, Any] = {
     "speed": ["3.6 m/min", "3.6 m/min", "0 m/min", "0 m/min", "3.6 m/min", "3.6 m/min"],
     "superheat": None, "mould_heat": [1.0, 1.0, 0.9, 0.9, 1.0, 1.0], "event": None,
 }  # fmt: skip
-"""The strand stands for a second, and is withdrawn again."""
+"""The strand stops for a second, and is withdrawn again."""
 STRAINED: dict[str, Any] = {
     "mechanics": {"law": "norton_hoff_kozlowski"}, "mould": {"length": "100 mm"}, "mesh.order": 2,
     "cooling.0.surface.0.gap_conductivity": "0.15 W/(m K)",
     "coupling": {"interval": "15 mm", "passes": 2},
     "caster.spacing": "60 mm", "casting.length": "100 mm",
 }  # fmt: skip
-"""Of the small billet with its mechanics, in a mould that it leaves."""
+"""Changes for the small billet with mechanics, in a mould that it leaves."""
 
 
 def caster(
     changes: Mapping[str, Any] | None = None, plant: Mapping[str, Any] | None = None
 ) -> Case:
-    """The small billet as a caster; columns of `plant` replace those above, None leaves one out."""
+    """Return the small billet as a caster; `plant` replaces columns of PLANT, None removes one."""
     columns = {name: cells for name, cells in {**PLANT, **(plant or {})}.items() if cells}
-    usual = {
+    defaults = {
         "casting.length": "200 mm",
         "thermal.time": {"adaptive": {"tolerance": "1 K", "first": "20 ms"}},
         "reference": [],
         "caster": {"plant": columns, "spacing": "40 mm", "every": "0.5 s"},
     }
-    return small({**usual, **(changes or {})})
+    return small({**defaults, **(changes or {})})

@@ -11,7 +11,7 @@ from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import History
 from castfem.runs.output.xdmf import FieldWriter
 
-LOST, REGAINED = 0.12, 0.36  # m; where the corner leaves the wall, and comes back
+LOST, REGAINED = 0.12, 0.36  # m; where the corner leaves the wall, and touches it again
 MECHANICS = [
     ("newton_mechanics", "-"),
     ("von_mises_max", "MPa"),
@@ -33,7 +33,7 @@ MECHANICS = [
 
 
 def strained(row: dict[str, float]) -> dict[str, float]:
-    """A row of the history with what a strand in a mould adds to it."""
+    """Add the columns of a strand in a mould to a row of the history."""
     z = row["position"]
     reach = 5.0 * min(z - LOST, REGAINED - z)
     gap = max(0.0, reach)
@@ -63,7 +63,7 @@ def strained(row: dict[str, float]) -> dict[str, float]:
 
 
 def moved_points(points: np.ndarray, time: float) -> np.ndarray:
-    """Displacement (n, 2) [m]: 0.3 mm outwards at the right, 0.6 mm inwards at the top, at 10 s."""
+    """Return (n, 2) [m]: 0.3 mm outwards at the right, 0.6 mm inwards at the top, at 10 s."""
     return time / 10.0 * np.column_stack([3e-4 * points[:, 0], -6e-4 * points[:, 1]]) / HALF
 
 
@@ -76,7 +76,7 @@ def write_strained(
     tensor: bool = False,
     last: float = 10.0,
 ) -> Path:
-    """Writes a run with mechanics and a mould; its stress is uniform, 2 MPa after 10 s."""
+    """Write a run with mechanics and a mould; its stress is uniform, 2 MPa after 10 s."""
     points, cells = rectangle(12, 12, HALF, HALF, cell, order, power=1.7)
     if part == "whole":
         points = points - 0.5 * HALF
@@ -94,12 +94,12 @@ def write_strained(
             for time in np.linspace(0.0, last, 6):
                 stress = np.zeros((len(points), 4))
                 stress[:, 2] = -2e5 * time
-                found = {
+                fields_now = {
                     "temperature": temperature(np.abs(points) * (1 + (part == "whole")), time),
                     "displacement": moved_points(points, time),
                     "stress" if tensor else "von_mises": stress if tensor else -stress[:, 2],
                 }
-                fields.write(time, 0.06 * time, found)
+                fields.write(time, 0.06 * time, fields_now)
         folder.write_summary(summary())
         folder.finish(wall_time={"time loop": 1.0})
     return path

@@ -1,4 +1,4 @@
-"""A strip that freezes as the similarity solution has it, and is stretched evenly meanwhile."""
+"""A strip that freezes by the similarity solution, and is stretched evenly meanwhile."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from small_case import strip
 
 from castfem.model import Case
 
-AXIAL, AROUND = 1e-4, 2e-4  # rates of strain that the strip is given, 1/s
+AXIAL, AROUND = 1e-4, 2e-4  # imposed strain rates, 1/s
 
 
 def over_time(rate: float) -> dict[str, object]:
-    """A strain that grows evenly, as the planes take it."""
+    """Return a strain that grows evenly, as a table for `mechanics.planes`."""
     return {"time": [0, 60], "time_unit": "s", "value": [0, 60 * rate], "unit": "1"}
 
 
 def stretched(size: float = 0.5, window: float = 0.2, **changes: Any) -> Case:
-    """The alloy of the similarity solution, stretched evenly along the strand and across it."""
-    given: dict[str, object] = {
+    """Return the alloy of the similarity solution, stretched evenly along and across the strand."""
+    document: dict[str, object] = {
         "steel": {
             "name": "alloy_similarity",
             "overrides": {
@@ -45,4 +45,4 @@ def stretched(size: float = 0.5, window: float = 0.2, **changes: Any) -> Case:
         "quality": {"hot_tearing": ["won", "clyne_davies"]},
         "output": {"figures": False, "fields": []},
     }  # fmt: skip
-    return strip(given | changes)
+    return strip(document | changes)

@@ -23,13 +23,13 @@ MAPS = (
 
 
 def rolls() -> Rolls:
-    """Rolls 1 to 2 straight, bending to 4, the arc to 6, straightening to 8, straight to 10."""
+    """Return rolls 1 to 2 straight, bending to 4, arc to 6, straightening to 8, straight to 10."""
     radii = (np.inf, 4.0, 4.0, np.inf, np.inf)
     return expand([Segment(2, 0.25, 0.12, radius) for radius in radii], 0.4)
 
 
 def surface() -> SurfaceLine:
-    """The surface of the half slab."""
+    """Return the surface of the half slab."""
     mesh = build(
         "rectangle", width=WIDE, height=THICK, symmetry="half", surface_size=0.01, core_size=0.02
     )
@@ -45,10 +45,10 @@ def write_maps(
     scale: float = 1.0,
     band: tuple[float, float] = BAND,
 ) -> SurfaceLine:
-    """Write them.
+    """Write the maps and return their surface.
 
     The surface cools down from 1300 to 700 degC and warms up by 80 K at mid-width of the intrados.
-    I1 has 30 MPa at the corner of the intrados at 2.125 m (roll 8), 28 and 29 MPa beside it, 24 MPa
+    I1 is 30 MPa at the corner of the intrados at 2.125 m (roll 8), 28 and 29 MPa near it, 24 MPa
     at the corner of the extrados at 1.1 m (roll 4); I2 has 2e-4 1/s in the middle of the intrados
     at 2.0 m and `alike` on all of the extrados at 1.1 m. At 2.8 m the corner of the extrados has an
     I1 of `kink` (Pa). All indexes are multiplied by `scale`. `band`: K.

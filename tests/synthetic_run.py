@@ -59,7 +59,7 @@ def rectangle(
 
 
 def temperature(points: np.ndarray, time: float) -> np.ndarray:
-    """Product solution of a corner whose surface cools slowly [K]."""
+    """Return the product solution of a corner whose surface cools slowly [K]."""
     grown = 2 * np.sqrt(DIFFUSIVITY * (time + 0.02))
     wall = WALL + (POURED - WALL) * np.exp(-time / 3.0)
     depth = np.maximum(HALF - points, 0.0) + 1e-3
@@ -67,7 +67,7 @@ def temperature(points: np.ndarray, time: float) -> np.ndarray:
 
 
 def depth_of(level: float, time: float, diagonal: bool) -> float:
-    """Depth of an isotherm below mid-face, or along the diagonal of the corner [mm]."""
+    """Return the depth of an isotherm below mid-face, or along the diagonal of the corner [mm]."""
     s = np.linspace(0.0, HALF, 2000)
     line = np.column_stack([HALF - s, HALF - s if diagonal else np.zeros_like(s)])
     hot = np.flatnonzero(temperature(line, time) >= level)
@@ -75,7 +75,7 @@ def depth_of(level: float, time: float, diagonal: bool) -> float:
 
 
 def rows(count: int, until: float = LENGTH / SPEED) -> list[dict[str, float]]:
-    """Rows of history.csv."""
+    """Return the rows of history.csv."""
     found, removed, before = [], 0.0, 0.0
     ends = np.array([[HALF, 0.0], [HALF, HALF], [0.0, 0.0]])
     for time in until * (np.arange(count + 1) / count) ** 1.5:
@@ -99,7 +99,7 @@ def rows(count: int, until: float = LENGTH / SPEED) -> list[dict[str, float]]:
 
 
 def summary(status: str = "finished") -> Summary:
-    """Its results."""
+    """Return the summary of the synthetic run."""
     last = rows(40)[-1]
     quantities = {
         "solidus": Quantity(SOLIDUS, "degC", "solidus"),
@@ -137,7 +137,7 @@ def summary(status: str = "finished") -> Summary:
 
 
 def write_run(path: Path, *, steps: int = 40, part: str = "quarter", finish: bool = True) -> Path:
-    """Writes all files of the run into a folder and returns it."""
+    """Write all files of the run into a folder and return it."""
     points, cells = rectangle(20, 20, HALF, HALF, "quadrilateral", 1, power=1.7)
     facts = {"solidus": SOLIDUS, "liquidus": LIQUIDUS, "symmetry": part}
     with OutputFolder(path) as folder:
@@ -161,7 +161,7 @@ def write_run(path: Path, *, steps: int = 40, part: str = "quarter", finish: boo
 
 
 def printed(folder: Path, width: int = 110, **options: Any) -> str:
-    """What `castfem show` prints of a folder."""
+    """Return the text that `castfem show` prints for a folder."""
     stream = io.StringIO()
     show(folder, Console(file=stream, width=width), **options)
     return stream.getvalue()

@@ -1,4 +1,4 @@
-"""A package knows only what stands before it, also where only its types need it."""
+"""A package imports only packages upstream of it, also where only its types need them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_dependence_has_one_direction(packages: ModuleType) -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def test_no_circle_of_more_than_three_files(packages: ModuleType) -> None:
+def test_no_cycle_of_more_than_three_files(packages: ModuleType) -> None:
     """Files that import each other, types and imports within functions included."""
     paths = [path for _, path in packages.files()]
     modules = [
@@ -58,10 +58,10 @@ def test_no_circle_of_more_than_three_files(packages: ModuleType) -> None:
     assert not [names for names in members if len(names) > 3]
 
 
-def test_every_package_has_its_place(packages: ModuleType) -> None:
-    there = {unit for unit, _ in packages.files()}
-    assert there - set(packages.ORDER) == {"physics", "studies", "post"}  # their words alone
-    assert there - {unit for unit, _ in packages.arrows()} <= {
+def test_every_package_is_in_the_order(packages: ModuleType) -> None:
+    units = {unit for unit, _ in packages.files()}
+    assert units - set(packages.ORDER) == {"physics", "studies", "post"}  # only their docstrings
+    assert units - {unit for unit, _ in packages.arrows()} <= {
         "base", "meshes", "forms", "physics", "studies", "post"
     }  # fmt: skip
 
@@ -72,14 +72,14 @@ def test_every_package_is_named_by_help(packages: ModuleType) -> None:
     assert set(re.findall(r"[a-z_]+", listed)) >= parts
 
 
-def test_picture_shows_the_imports_of_today(packages: ModuleType) -> None:
+def test_picture_has_the_present_imports(packages: ModuleType) -> None:
     with Image.open(ROOT / "docs" / "figures" / "packages.png") as picture:
         drawn = picture.info["Description"]
-    assert drawn == packages.written(packages.arrows()), "draw it anew: make pages"
+    assert drawn == packages.written(packages.arrows()), "draw it again: make pages"
 
 
 def test_types_count(packages: ModuleType, tmp_path: Path) -> None:
-    """What is imported for types alone, or within a function, is seen."""
+    """Imports for types only, or within a function, are found."""
     path = tmp_path / "module.py"
     path.write_text(
         "from typing import TYPE_CHECKING\n"

@@ -1,4 +1,4 @@
-"""Names and prose use the field's words: those the project once had of its own do not come back."""
+"""Names and prose use the terms of the field: the project's former private words stay away."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import tokenize
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# Words of ours, as parts of names in the code, and what the field calls them.
+# Private words, as parts of names in the code, and the terms of the field for them.
 IN_NAMES = {
     "archive": "checkpoint",
     "chief": "headline, main",
@@ -30,12 +30,12 @@ IN_NAMES = {
     "steepest": "cap",
     "unsettled": "not converged",
 }
-# Those that no sentence about casting needs.
+# Words that no sentence about casting needs.
 IN_PROSE = ("chief", "march", "marched", "marches", "marching", "passage", "passages", "rub",
             "rubs", "scene", "scenes")  # fmt: skip
-# Keys of a case keep the name they were given.
+# Keys of a case keep their names.
 KEYS = {"mush", "settled", "steepest"}
-# Has what files of earlier versions call things, beside what they are called.
+# Has the names in files of earlier versions, next to the present ones.
 EARLIER = ROOT / "castfem" / "runs" / "output" / "summary_file.py"
 
 
@@ -44,7 +44,7 @@ def sources() -> list[Path]:
 
 
 def names(path: Path) -> dict[str, int]:
-    """Each name in a file, with a line where it stands."""
+    """Return each name in a file, with a line that contains it."""
     text = io.StringIO(path.read_text(encoding="utf-8"))
     every = tokenize.generate_tokens(text.readline)
     return {token.string: token.start[0] for token in every if token.type == tokenize.NAME}

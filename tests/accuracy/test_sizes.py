@@ -1,4 +1,4 @@
-"""Sizes of a case, scaled; and a case known again whatever its sizes are."""
+"""Sizes of a case, scaled; and a case recognized with any sizes."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ def test_cells_are_scaled_and_depths_stay() -> None:
 
 
 def test_adaptive_steps_are_scaled_by_their_tolerance() -> None:
-    """Half the step has an eighth of the error of a step, with a scheme of second order."""
+    """With half the step a scheme of second order has an eighth of the error of a step."""
     case = small({"thermal.time": {"adaptive": {"tolerance": "1 K"}}})
     finer = case.with_(sizes.changes(case, {"step": 0.5})).thermal.time.adaptive
     assert finer.tolerance == pytest.approx(0.125)
     assert finer.largest == pytest.approx(1.0)
 
 
-def test_windows_and_the_steps_within_are_parted() -> None:
-    """The shipped step of 0.25 s is cut to the windows of 0.2 s: that is what is refined."""
+def test_windows_and_their_steps_are_separated() -> None:
+    """The shipped step of 0.25 s is cut to the windows of 0.2 s, which are refined."""
     case = load_case(TAPERED)
     assert sizes.steps_fill_windows(case)
     assert sizes.changes(case, {"step": 0.5}) == {"thermal.time.step": "0.1 s"}
@@ -49,7 +49,7 @@ def test_windows_and_the_steps_within_are_parted() -> None:
     assert "thermal.time.step" not in sizes.changes(case, {"coupling": 0.5})
 
 
-def test_a_window_that_is_a_length_stays_one() -> None:
+def test_window_of_a_length_remains_one() -> None:
     case = load_case(CASES / "slab1200" / "bending.toml")
     assert sizes.changes(case, {"coupling": 0.5})["coupling.interval"] == "50 mm"
     growing = case.with_({"coupling.growth": 4.0})
@@ -58,7 +58,7 @@ def test_a_window_that_is_a_length_stays_one() -> None:
     assert sizes.window(case) == pytest.approx(5.0)
 
 
-def test_a_case_is_known_whatever_its_sizes() -> None:
+def test_case_is_recognized_with_any_sizes() -> None:
     case = load_case(TAPERED)
     for level in levels(case):
         assert sizes.key(level.case) == sizes.key(case), level.name
@@ -70,14 +70,14 @@ def test_a_case_is_known_whatever_its_sizes() -> None:
     assert sizes.key(case.with_(speed="3 m/min")) != sizes.key(case)
 
 
-def test_a_mesh_of_another_grading_is_none_of_the_ladder() -> None:
+def test_mesh_of_another_grading_is_not_in_the_ladder() -> None:
     case = small()
     other = case.with_({"mesh.core_size": "10 mm"})
     assert sizes.factors_between(sizes.described(case), sizes.described(other)) is None
 
 
-def test_cells_are_counted_and_not_taken_on_trust() -> None:
-    """Values stand by the mean size of the cells that a mesh has, not by what was asked for."""
+def test_cells_of_the_mesh_are_counted() -> None:
+    """Values belong to the mean size of the actual cells, not to the requested size."""
     case = small()
     rungs = levels(case)
     counts = {level.factor: sizes.cell_count(level.case) for level in rungs if level.axis != "step"}
@@ -91,7 +91,7 @@ def test_cells_are_counted_and_not_taken_on_trust() -> None:
     assert dict(part.values) == pytest.approx(wanted)
 
 
-def test_cheap_ones_first() -> None:
+def test_cheap_runs_come_first() -> None:
     names = [level.name for level in levels(load_case(TAPERED))]
     assert names[0] == "mesh_x2"
     assert names[-1] == "coupling_x0.5"
@@ -99,8 +99,8 @@ def test_cheap_ones_first() -> None:
     assert not any(name.startswith("coupling") for name in (one.name for one in levels(small())))
 
 
-def test_shorter_windows_are_not_charged_with_their_steps() -> None:
-    """Of v = 7 s + 2 w, with steps that fill the windows, the part of the windows is 2 w."""
+def test_shorter_windows_exclude_the_error_of_their_steps() -> None:
+    """For v = 7 s + 2 w, with steps that fill the windows, the part of the windows is 2 w."""
     case = load_case(TAPERED)
     rungs = levels(case)
 
@@ -118,14 +118,14 @@ def test_shorter_windows_are_not_charged_with_their_steps() -> None:
     assert parts["mesh"].error == 0.0
 
 
-def test_a_case_without_a_mould_is_told_nothing_of_its_gap() -> None:
-    """Its windows are not repeated: a tolerance would draw a warning at each run."""
+def test_case_without_a_mould_has_no_tolerance_of_its_gap() -> None:
+    """Its windows are not repeated: a tolerance would give a warning in each run."""
     slab = load_case(CASES / "slab1200" / "slab.toml")
     assert "coupling.settled" not in sizes.changes(slab, {"coupling": 2.0})
     assert "coupling.settled" in sizes.changes(load_case(TAPERED), {"coupling": 2.0})
 
 
-# From values at several sizes to an error, and from an error that is asked for to sizes
+# From values at several sizes to an error, and from a requested error to sizes
 
 
 R = 2.0**0.5
@@ -133,16 +133,16 @@ R = 2.0**0.5
 
 @pytest.mark.parametrize("order", [0.7, 1.0, 2.0])
 @pytest.mark.parametrize("sizes", [(2.0, R, 1.0, 1.0 / R), (2.0, 1.0, 0.5), (1.0, 0.5, 0.25)])
-def test_pure_power_is_found(order: float, sizes: tuple[float, ...]) -> None:
-    """Of v = 5 + 3 x^p the error at 1 is 3, and what is stated is that with its factor."""
+def test_pure_power_is_recovered(order: float, sizes: tuple[float, ...]) -> None:
+    """For v = 5 + 3 x^p the error at 1 is 3, and the stated one is that times its factor."""
     found = estimate({x: 5.0 + 3.0 * x**order for x in sizes})
     assert found.order == pytest.approx(order)
     assert found.error == pytest.approx(RULES.safety * 3.0)
     assert found.scaled(0.5) == pytest.approx(found.error * 0.5**order)
 
 
-def test_a_higher_order_than_the_schemes_have_is_not_believed() -> None:
-    """That of 2 is taken; and the spread speaks where two values agree by accident."""
+def test_order_above_that_of_the_schemes_is_capped() -> None:
+    """Order 2 is used; and the spread decides if two values agree by accident."""
     some = {x: x**2.5 for x in (R, 1.0, 1.0 / R)}
     assert estimate(some).error > RULES.safety * (some[1.0] - some[1.0 / R]) / (1.0 - 0.5**1.25)
     lucky = estimate({R: 9.0, 1.0: 5.0, 1.0 / R: 4.6})
@@ -156,7 +156,7 @@ def test_without_an_order_the_differences_are_stated() -> None:
     assert found.error == pytest.approx(max(RULES.few * 0.3, 0.5))
     coarse = estimate({R: 1.0, 1.0: 5.0, 1.0 / R: 4.7})
     assert coarse.error == pytest.approx(2.0)
-    slow = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 6.0})  # goes on as fast as before
+    slow = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 6.0})  # changes as fast as before
     assert slow.order is None
     assert slow.error == pytest.approx(RULES.few)
     longest = estimate({1.0: 5.0, 0.5: 4.0, 0.25: 4.5})  # the case has the largest
@@ -171,20 +171,20 @@ def test_few_sizes() -> None:
     assert math.isnan(estimate({1.0: math.nan, 2.0: 5.5, 0.5: 5.0}).error)
 
 
-def test_sizes_need_not_have_one_ratio() -> None:
+def test_sizes_may_have_different_ratios() -> None:
     """Meshes have whole numbers of cells."""
     found = estimate({x: 5.0 - 3.0 * x**1.5 for x in (1.9, 1.0, 0.77)})
     assert found.order == pytest.approx(1.5)
     assert found.error == pytest.approx(RULES.safety * 3.0)
 
 
-def test_the_same_everywhere_has_no_error() -> None:
+def test_equal_values_have_no_error() -> None:
     assert estimate({R: 3.6, 1.0: 3.6, 1.0 / R: 3.6 * (1.0 + 1e-15)}).error == 0.0
 
 
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
 def test_convergence_index_of_a_pure_power(order: float) -> None:
-    """Of v = 5 + 3 x^p the error at 1 is 3, whatever the sizes; two of them take it for order 1."""
+    """For v = 5 + 3 x^p the error at 1 is 3 with any sizes; two sizes assume order 1."""
     for of in ((1.0, 2 / 3, 5 / 12), (1.5, 1.0, 0.625), (2.4, 1.6, 1.0)):
         found = convergence_index({x: 5.0 + 3.0 * x**order for x in of})
         assert found == pytest.approx(RULES.safety * 3.0)
@@ -192,7 +192,7 @@ def test_convergence_index_of_a_pure_power(order: float) -> None:
 
 
 def test_convergence_index_without_an_order() -> None:
-    """The finest size tells, or the next coarser one; no finer one lies beyond what is stated."""
+    """The finest size decides, or the next coarser one; no finer one is beyond the stated error."""
     assert convergence_index({1.0: 0.0, 0.75: 1.0, 0.5: -1.0}) == pytest.approx(RULES.safety * 2.0)
     assert convergence_index({1.0: 0.0, 0.75: 5.0, 0.5: 1.0}) == 5.0
     assert convergence_index({1.5: 9.0, 1.0: 0.0, 0.5: 1.0}) == pytest.approx(RULES.safety * 2.0)
@@ -211,7 +211,7 @@ RUNS = (
 
 
 def _table(**entries: tuple[float, float, float, float]) -> ErrorTable:
-    """Value 100, errors from mesh (second order), step, coupling (first order), and the scale."""
+    """Return a table: value 100, errors of mesh (order 2), step, coupling (order 1), the scale."""
     found = {
         name: Entry(
             name, "mm", 100.0,
@@ -229,7 +229,7 @@ def test_errors_are_reached_at_the_least_time() -> None:
     found = propose(table, ["shell"], 0.01)
     assert table.quantities["shell"].error(found.factors) <= 1.0
     assert not found.unreached
-    for axis in ("mesh", "coupling"):  # one size coarser in either and it is not reached
+    for axis in ("mesh", "coupling"):  # one size coarser in either misses it
         coarser = {**found.factors, axis: found.factors[axis] * 2.0**0.25}
         assert table.quantities["shell"].error(coarser) > 1.0
     assert found.factors["step"] == pytest.approx(2.0)  # no error comes from it
@@ -237,13 +237,13 @@ def test_errors_are_reached_at_the_least_time() -> None:
     assert found.seconds == pytest.approx(10.0 * dear)
 
 
-def test_what_is_good_enough_becomes_cheaper() -> None:
+def test_excess_accuracy_becomes_cheaper() -> None:
     found = propose(_table(shell=(0.1, 0.1, 0.1, 100.0)), ["shell"], 0.02)
     assert found.seconds < found.now
     assert all(factor >= 1.0 for factor in found.factors.values())
 
 
-def test_a_number_out_of_reach_is_told_and_holds_nothing_up() -> None:
+def test_unreachable_result_is_reported_and_ignored() -> None:
     table = _table(shell=(4.0, 0.0, 0.0, 100.0), pressure=(900.0, 0.0, 0.0, 100.0))
     found = propose(table, ["shell", "pressure"], 0.01)
     assert found.unreached == {"pressure": pytest.approx(0.5625)}
@@ -251,7 +251,7 @@ def test_a_number_out_of_reach_is_told_and_holds_nothing_up() -> None:
     assert found.factors == propose(table, ["shell"], 0.01).factors
 
 
-def test_a_number_that_is_nothing_is_left_out() -> None:
+def test_result_of_zero_is_left_out() -> None:
     assert propose(_table(gap=(1.0, 0.0, 0.0, 0.0)), ["gap"], 0.01).seconds == 10.0
 
 

@@ -1,4 +1,4 @@
-"""The interface for scripts: load, change, run, and what a result gives."""
+"""The interface for scripts: load, change, run, and the contents of a result."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def result(case):
         yield found
 
 
-def test_import_is_cheap():
-    """Nothing heavy comes with `import castfem`, nor with the names it offers."""
+def test_import_is_light():
+    """Neither `import castfem` nor its public names load anything heavy."""
     code = (
         "import sys, castfem; assert 'run' in dir(castfem);"
         "print([m for m in ('numpy', 'mpi4py', 'pydantic', 'dolfinx') if m in sys.modules])"
@@ -57,7 +57,7 @@ def test_load_by_name_and_path(tmp_path, monkeypatch):
         castfem.load("billet125/idealized")
 
 
-def test_a_case_is_loaded_with_an_accuracy_like_that_of_the_commands(tmp_path):
+def test_accuracy_of_load_is_that_of_the_commands(tmp_path):
     path = write_small(tmp_path)
     coarse, plain = castfem.load(path, accuracy="coarse"), castfem.load(path, "default")
     assert coarse == case_and_target(str(path), None, (), "x", "coarse")[0]
@@ -68,7 +68,7 @@ def test_a_case_is_loaded_with_an_accuracy_like_that_of_the_commands(tmp_path):
 
 
 def test_quantities_are_in_si(result):
-    """They agree with the table in engineers' units."""
+    """They agree with the table in displayed units."""
     shown = result.summary.quantities["surface_temperature_mid_face"]
     assert shown.unit == "K" and shown.shown_unit == "degC"
     assert result.quantities["surface_temperature_mid_face"] == shown.value
@@ -104,7 +104,7 @@ def test_fields(result):
     assert end.cells.max() < len(end.points)
 
 
-def test_fields_that_are_not_there(result):
+def test_missing_fields_are_reported(result):
     with pytest.raises(castfem.InputError, match=r"no field stretch; there are .*temperature"):
         result.fields()["stretch"]
     with pytest.raises(castfem.InputError, match=r"written from 0 to 0\.06 m"):
@@ -124,7 +124,7 @@ def test_folder(case, tmp_path):
         castfem.Result(tmp_path)
 
 
-def test_temporary_folder_goes(case):
+def test_temporary_folder_is_removed(case):
     found = castfem.run(case)
     folder = found.folder
     assert folder.is_dir()
@@ -139,14 +139,14 @@ def test_temporary_folder_goes(case):
 
 
 def test_failure_leaves_nothing(case, monkeypatch, tmp_path):
-    """Also the temporary folder of a run that fails is removed, and its log is closed."""
+    """The temporary folder of a failed run is removed, and its log is closed."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with pytest.raises(castfem.InputError, match="nosuch"):
         castfem.run(case.with_({"steel.name": "nosuch"}))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_resume_names_what_differs(case, tmp_path):
+def test_resume_names_the_differences(case, tmp_path):
     castfem.run(case, tmp_path / "run")
     with pytest.raises(castfem.InputError, match=r"casting\.speed: 3\.6 m/min there, 3 m/min here"):
         castfem.run(case.with_(speed="3 m/min"), tmp_path / "run", resume=True)
@@ -156,7 +156,7 @@ def test_resume_names_what_differs(case, tmp_path):
     assert further.quantities["position"] == pytest.approx(0.09)
 
 
-def test_a_run_of_another_case_is_kept(case, tmp_path):
+def test_run_of_another_case_is_kept(case, tmp_path):
     castfem.run(case, tmp_path / "run")
     castfem.run(case, tmp_path / "run")
     slower = case.with_(speed="3 m/min")
@@ -169,7 +169,7 @@ def test_a_run_of_another_case_is_kept(case, tmp_path):
     assert castfem.Result(tmp_path / "run").case == slower
 
 
-def test_what_is_of_the_wrong_kind_is_told_in_one_line(case, result):
+def test_arguments_of_a_wrong_type_are_reported_in_one_line(case, result):
     for wrong in (
         lambda: castfem.run(None),
         lambda: case.with_({3: "x"}),
@@ -182,23 +182,25 @@ def test_what_is_of_the_wrong_kind_is_told_in_one_line(case, result):
         assert len(str(caught.value).splitlines()) == 1
 
 
-def test_a_flux_that_takes_more_heat_than_there_is(case):
+def test_excessive_flux_is_reported(case):
     flux = {"law": "flux", "value": "40 MW/m^2"}
     changed = case.with_({"cooling.0.surface": [flux], "casting.length": "300 mm"})
     with pytest.raises(castfem.RunFailure) as caught:
         castfem.run(changed)
-    told = str(caught.value)
+    message = str(caught.value)
     assert (
-        "more heat is taken than there is" in told and "at x = " in told and 'law = "flux"' in told
+        "more heat is taken than there is" in message
+        and "at x = " in message
+        and 'law = "flux"' in message
     )
 
 
-def test_a_notebook_shows_case_and_result(case, result):
+def test_notebook_shows_case_and_result(case, result):
     shown = result._repr_html_()
     assert shown.startswith("<table>") and "shell, mid-face" in shown
     odd = case.with_(title="a < b")
     assert "a &lt; b" in odd._repr_html_() and "[casting]" in odd._repr_html_()
-    # In the units that were chosen.
+    # In the chosen units.
     si = case.with_({"output.units": {"system": "si", "time": "min"}})._repr_html_()
     assert "speed = &quot;3.6 m/min&quot;" in case._repr_html_()
     assert "speed = &quot;0.06 m/s&quot;" in si and "wall = &quot;433.15 K&quot;" in si
@@ -208,7 +210,7 @@ def test_a_notebook_shows_case_and_result(case, result):
         assert f"<td>{kelvin:.5g}</td><td>K</td>" in result._repr_html_()
 
 
-def test_columns_are_plotted_over_the_strand(result):
+def test_columns_are_plotted_along_the_strand(result):
     axes = result.plot("shell_mid_face", "shell_corner")
     drawn = axes.get_lines()[0]
     assert drawn.get_ydata() == pytest.approx(result.history["shell_mid_face"])
@@ -218,7 +220,7 @@ def test_columns_are_plotted_over_the_strand(result):
     pyplot.close("all")
 
 
-def test_a_field_is_plotted_over_the_section(result):
+def test_field_is_plotted_on_the_section(result):
     place = float(result.positions[-1])
     axes = result.section(at=place)
     low, high = axes.collections[0].get_clim()
@@ -230,7 +232,7 @@ def test_a_field_is_plotted_over_the_section(result):
     pyplot.close("all")
 
 
-def test_what_cannot_be_plotted_is_told(result):
+def test_invalid_plots_are_reported(result):
     with pytest.raises(InputError, match="no column shel"):
         result.plot("shel")
     with pytest.raises(InputError, match="different units"):
@@ -240,7 +242,7 @@ def test_what_cannot_be_plotted_is_told(result):
 
 
 ROOT = Path(__file__).parents[2]
-# What the page leaves out, and its mesh and steps.
+# The omissions of the page, and its mesh and steps.
 AS_BY_HAND = (
     "casting.length=150 mm",
     *cells(2, 8, 12),
@@ -256,7 +258,7 @@ AS_BY_HAND = (
 )
 
 
-def test_the_page_computes_what_the_case_does(
+def test_page_computes_the_results_of_the_case(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = (ROOT / "docs" / "by_hand.md").read_text(encoding="utf-8")

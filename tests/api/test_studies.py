@@ -1,4 +1,4 @@
-"""What commands find by several runs, from Python: the same numbers, in SI."""
+"""Studies of several runs, from Python: the results of the commands, in SI."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def runs(case: Case, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [folder / "slow", folder / "fast"]
 
 
-def test_help_names_them() -> None:
+def test_help_names_the_studies() -> None:
     named = (castfem.__doc__ or "").partition("Packages, upstream first")[0]
     for name in castfem.__all__:
         assert name in named and callable(getattr(castfem, name))
@@ -66,10 +66,10 @@ def test_comparison_at_places_is_that_of_the_results(runs: list[Path]) -> None:
     table = castfem.comparison(runs, at=["30 mm", 0.05], everything=True)
     heat = table.loc["heat_removed"]
     assert list(heat["at"]) == [0.03, 0.05]
-    there = castfem.Result(runs[0]).at("30 mm")["heat_removed"]
-    assert heat["slow"].iloc[0] == pytest.approx(there)
-    alone = castfem.comparison(runs, at="30 mm", everything=True).loc["heat_removed"]
-    assert alone["slow"] == pytest.approx(there)
+    expected = castfem.Result(runs[0]).at("30 mm")["heat_removed"]
+    assert heat["slow"].iloc[0] == pytest.approx(expected)
+    single = castfem.comparison(runs, at="30 mm", everything=True).loc["heat_removed"]
+    assert single["slow"] == pytest.approx(expected)
     with pytest.raises(castfem.InputError, match="two runs are needed"):
         castfem.comparison(runs[0])
     with pytest.raises(castfem.InputError, match=r"^at 5\.0: no run has reached this position"):
@@ -78,7 +78,7 @@ def test_comparison_at_places_is_that_of_the_results(runs: list[Path]) -> None:
         castfem.comparison(runs, at=["3 kg"])
 
 
-def test_comparison_tells_references_as_the_command_does(
+def test_comparison_has_the_references_of_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -95,7 +95,7 @@ def test_comparison_tells_references_as_the_command_does(
     ]
 
 
-def test_errors_are_those_of_the_table_that_is_written(case: Case, tmp_path: Path) -> None:
+def test_errors_are_those_of_the_written_table(case: Case, tmp_path: Path) -> None:
     found = castfem.error_table(case, tmp_path / "runs")
     written = ErrorTable.load(tmp_path / "runs" / "error.json").quantities
     heat, entry = found.loc["heat_removed"], written["heat_removed"]
@@ -113,24 +113,24 @@ def test_errors_are_those_of_the_table_that_is_written(case: Case, tmp_path: Pat
     pandas.testing.assert_frame_equal(again, found)
 
 
-def test_runs_that_fail_are_told(case: Case) -> None:
+def test_failed_runs_are_reported(case: Case) -> None:
     long = {"mesh.surface_size": "40 mm", "mesh.core_size": "40 mm", "mesh.face_size": "40 mm"}
     found = castfem.error_table(case.with_(long), processes=1)
     assert "mesh_x2" in found.attrs["not run"]
 
 
-def test_a_folder_of_one_run_is_not_taken(case: Case, runs: list[Path]) -> None:
+def test_folder_of_a_single_run_is_refused(case: Case, runs: list[Path]) -> None:
     with pytest.raises(castfem.InputError, match="holds a single run"):
         castfem.error_table(case, runs[0])
 
 
 @pytest.mark.parametrize("name", ["error_table", "find_section", "mould_at_work", "optimise"])
-def test_what_is_no_case_is_told(name: str) -> None:
+def test_missing_case_is_reported(name: str) -> None:
     with pytest.raises(castfem.InputError, match=f"^{name}: a case is needed"):
         getattr(castfem, name)(None)
 
 
-def test_section_comes_out_as_it_is_wanted() -> None:
+def test_section_reaches_its_target() -> None:
     case = billet("idealised")
     found = castfem.find_section(case, "60 mm")
     assert found.attempts[-1].worst < 10e-6 < found.attempts[0].worst
@@ -140,7 +140,7 @@ def test_section_comes_out_as_it_is_wanted() -> None:
         castfem.find_section(billet("taper_1"))
 
 
-def test_mould_at_work_is_what_a_run_takes() -> None:
+def test_hot_mould_is_valid_for_a_run() -> None:
     tube = {"mould.length": "90 mm", "mould.tube.cell_size": "40 mm", "mould.tube.cells_across": 1}
     case = billet("hot", **tube)
     found = castfem.mould_at_work(case, coupled=True)
@@ -154,14 +154,14 @@ def test_mould_at_work_is_what_a_run_takes() -> None:
         castfem.mould_at_work(billet("taper_1"))
 
 
-def test_a_run_named_as_a_column_is_refused(runs: list[Path], tmp_path: Path) -> None:
+def test_run_named_as_a_column_is_refused(runs: list[Path], tmp_path: Path) -> None:
     taken = shutil.copytree(runs[0], tmp_path / "label")
     with pytest.raises(castfem.InputError, match="label: a column of the table has that name"):
         castfem.comparison([taken, runs[1]])
     assert len(castfem.comparison(runs, at=None)) == len(castfem.comparison(runs))
 
 
-def test_what_is_no_run_is_told_in_a_line(runs: list[Path]) -> None:
+def test_invalid_folders_are_reported_in_one_line(runs: list[Path]) -> None:
     for given in (5, [None], [*runs, 3]):
         with pytest.raises(castfem.InputError, match="comparison: folders of runs are needed"):
             castfem.comparison(given)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Two threads of one process do not run at once; runs one after the other leave nothing behind."""
+"""Two threads of one process do not run at once; successive runs leave nothing behind."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def another_thread_at_work() -> Iterator[None]:
         thread.join()
 
 
-def test_a_second_thread_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_second_thread_is_refused_in_one_line(tmp_path: Path) -> None:
     with another_thread_at_work():
         for run in (
             lambda: castfem.run(small(), tmp_path / "run"),
@@ -52,8 +52,8 @@ def test_a_second_thread_is_refused_in_one_line(tmp_path: Path) -> None:
     assert castfem.run(small(), tmp_path / "run").summary.status == "finished"
 
 
-def test_real_runs_in_two_threads(tmp_path: Path) -> None:
-    """One of them finishes, and so may the other; what does not is refused, and nothing breaks."""
+def test_runs_in_two_threads(tmp_path: Path) -> None:
+    """One of them finishes, and the other may; if not, it is refused, and nothing breaks."""
     case, ends = small({"casting.length": "200 mm"}), dict[int, str]()
 
     def work(number: int) -> None:
@@ -72,7 +72,7 @@ def test_real_runs_in_two_threads(tmp_path: Path) -> None:
     assert all(end.startswith("InputError: another thread of this process") for end in refused)
 
 
-def test_a_run_may_hold_another_of_its_own_thread() -> None:
+def test_run_may_contain_another_of_its_thread() -> None:
     with one_at_a_time(), one_at_a_time():
         pass
 
@@ -88,7 +88,7 @@ needs_handles = pytest.mark.skipif(
 
 
 def communicators() -> int:
-    """How many communicators exist, by the handle Open MPI gives the next one: the lowest free."""
+    """Return the number of communicators, by the lowest free handle of Open MPI."""
     own = MPI.COMM_WORLD.Dup()
     handle = own.py2f()
     own.Free()
@@ -96,7 +96,7 @@ def communicators() -> int:
 
 
 def left_behind(case: Case, changes: list[dict[str, str]], warm: int) -> tuple[int, ...]:
-    """Communicators, open files and memory (bytes) that runs after the first `warm` leave."""
+    """Return communicators, open files and memory (bytes) left by runs after the first `warm`."""
     process = psutil.Process()
 
     def state() -> tuple[int, int, int]:
@@ -120,13 +120,13 @@ def test_runs_leak_nothing(tmp_path: Path) -> None:
     changes = [{"superheat": f"{20 + number} K"} for number in range(16)]
     ranks, files, memory = left_behind(case, changes, warm=8)
     assert (ranks, files) == (0, 0)
-    # The heap may still settle by a page or two; a mesh that stayed would be 0.1 MB a run.
+    # The heap may change by a page or two; a mesh in memory would be 0.1 MB a run.
     assert memory < 2e6
 
 
 @needs_handles
 def test_tapers_leak_nothing() -> None:
-    """With mechanics, contact and friction; what one window leaves is 0.3 MB."""
+    """With mechanics, contact and friction; a remaining window would be 0.3 MB."""
     changes = [{"taper": f"{0.5 + 0.1 * number:.1f} %/m"} for number in range(6)]
     ranks, files, memory = left_behind(billet("taper_1", *MOULDED), changes, warm=3)
     assert (ranks, files) == (0, 0)
@@ -141,12 +141,12 @@ def case(tmp_path_factory):
     return castfem.load(write_small(tmp_path_factory.mktemp("case")))
 
 
-def test_bare_and_dotted_are_one(case):
+def test_bare_and_dotted_keys_are_equivalent(case):
     assert case.with_(speed="3 m/min") == case.with_({"casting.speed": "3 m/min"})
     assert case.with_(wall="100 degC") == case.with_({"cooling.mould.surface.0.wall": "100 degC"})
 
 
-def test_top_level_wins(case):
+def test_top_level_has_precedence(case):
     assert case.with_(title="other").title == "other"
 
 
@@ -169,7 +169,7 @@ def test_unknown_name_proposes_the_full_key(case):
     )
 
 
-def test_references_are_not_meant(case):
+def test_references_are_no_candidates(case):
     problem = _problem(case, source="x")
     assert "no table" in problem
     assert "reference" not in problem

@@ -42,7 +42,7 @@ def found(**values: float) -> Found:
     return Found(values, 2.0, 900, labels=labels, units=units)
 
 
-def test_times_of_a_march_are_all_accounted_for() -> None:
+def test_all_times_of_a_time_loop_are_measured() -> None:
     small = (*mesh(4.0), every(0.25), "casting.length=60 mm")
     walled = billet_cost.run_case("taper_1", small)
     numbers = billet_cost.numbers(walled)
@@ -54,12 +54,12 @@ def test_times_of_a_march_are_all_accounted_for() -> None:
     assert free["contact"] == 0.0 < numbers["contact"]
 
 
-def test_growth_is_the_power_of_the_cells() -> None:
+def test_growth_is_the_exponent_of_the_cells() -> None:
     rows = [{"cells": n, "seconds": 3.0 * n**1.2} for n in (400, 900, 3600)]
     assert power(rows, "seconds") == pytest.approx(1.2)
 
 
-def test_errors_stand_behind_the_values(tmp_path: Path) -> None:
+def test_errors_are_after_the_values(tmp_path: Path) -> None:
     shipped = {
         "taper_1": found(shell_mid_face=4.8, heat_removed=9.09, von_mises_max=12.0),
         "idealised": found(shell_mid_face=4.8, heat_removed=9.1),
@@ -81,14 +81,14 @@ def test_faces_of_a_square_billet_are_one() -> None:
     assert billet_error.main_names([both]) == ["shell_mid_face", "shell_corner"]
 
 
-def test_worst_error_is_counted_in_units_of_each() -> None:
+def test_largest_error_is_relative_to_its_unit() -> None:
     exact = dict.fromkeys(billet_trade.COMPARED, 1.0)
     errors = billet_trade.errors(exact | {"von_mises_max": 0.8, "size_corner": 1.015}, exact)
     assert errors["von_mises_max"] == pytest.approx(0.2)
     assert errors["worst"] == pytest.approx(2.0)  # 0.2 of 0.1 MPa; 15 of 10 um are less
 
 
-def test_every_mould_is_run_as_shipped_and_compared_with_the_reference() -> None:
+def test_every_mould_is_run_and_has_its_reference() -> None:
     tried = list(billet_trade.settings(quick=False))
     assert tried.count(billet_trade.DEFAULT) == 1
     assert len(set(tried)) == len(tried)
@@ -96,7 +96,7 @@ def test_every_mould_is_run_as_shipped_and_compared_with_the_reference() -> None
         assert set(billet_trade.reference(mould)) == set(billet_trade.COMPARED)
 
 
-def test_figure_rings_the_default() -> None:
+def test_figure_marks_the_default() -> None:
     rows = [
         {"kind": one.kind, "size": one.size, "window": one.window, "seconds": 1.0 / one.size}
         | {"worst": one.size, "von_mises_max": one.size, "default": one == billet_trade.DEFAULT}
@@ -107,7 +107,7 @@ def test_figure_rings_the_default() -> None:
     assert [float(line.get_xdata()[0]) for line in rings] == [1.25]
 
 
-# Billets in their moulds: what is read on the way, and what the tables make of it
+# Billets in their moulds: results on the way, and their tables
 
 SMALL = (*mesh(3.0), every(0.25), "casting.length=150 mm")
 
@@ -116,14 +116,14 @@ def listener(**tracks: list[float]) -> Listener:
     return Listener(np.inf, tracks={name.replace("_", " ", 1): t for name, t in tracks.items()})
 
 
-def test_places_are_found_between_two_windows() -> None:
+def test_places_are_interpolated_between_windows() -> None:
     heard = listener(
         position=[0.0, 0.1, 0.2], surface_corner=[1800.0, 1700.0, 1600.0],
         gap_mid_face=[0.0, 0.0, 0.0], gap_corner=[0.0, 0.0, 0.004],
     )  # fmt: skip
     assert heard.cools_to("corner", 1725.0) == pytest.approx(75.0)
     assert np.isnan(heard.cools_to("corner", 1500.0))
-    assert heard.lost() == pytest.approx(125.0)  # a quarter of 4 um is where contact is lost
+    assert heard.lost() == pytest.approx(125.0)  # contact is lost at a quarter of 4 um
     assert np.isnan(listener(position=[0.0, 0.1], gap_corner=[0.0, 0.0]).lost())
 
 
@@ -134,14 +134,14 @@ def untapered() -> Iterator[dict[str, float]]:
     yield dict(found.values)
 
 
-def test_untapered_mould_loses_its_corner_after_it_has_frozen(untapered: dict[str, float]) -> None:
+def test_untapered_mould_loses_its_corner_after_freezing(untapered: dict[str, float]) -> None:
     assert untapered["first_mush"] < untapered["first_solid"] < untapered["closed_solid"] < 150.0
     assert 30.0 < untapered["lost"] < 130.0
     assert untapered["gap_max"] > 1e-3
     assert untapered["pressure_mean"] == pytest.approx(untapered["force"] / 62.5)
 
 
-def test_the_fine_run_is_the_same_case_with_all_sizes_halved() -> None:
+def test_fine_run_has_all_sizes_halved() -> None:
     case = load_case(PATH, next(grid()).keys())
     fine = beside(case, FINE).case
     assert key(fine) == key(case)
@@ -151,15 +151,15 @@ def test_the_fine_run_is_the_same_case_with_all_sizes_halved() -> None:
     assert fine.coupling.settled == 0.5 * case.coupling.settled
 
 
-def test_the_coarse_run_is_that_of_accuracy_coarse() -> None:
+def test_coarse_run_is_that_of_accuracy_coarse() -> None:
     keys = next(grid()).keys()
     case = load_case(PATH, keys)
-    asked = load_case(PATH, (*keys, *assignments(case, COARSE)))
-    assert described(beside(case, COARSE).case) == described(asked) != described(case)
+    expected = load_case(PATH, (*keys, *assignments(case, COARSE)))
+    assert described(beside(case, COARSE).case) == described(expected) != described(case)
 
 
-def test_a_result_is_within_its_error_or_not() -> None:
-    """A billet that failed has none."""
+def test_result_is_within_its_error_or_not() -> None:
+    """A failed billet has none."""
     values = {COARSE: 2.0, DEFAULT: 1.5, FINE: 1.2, STATED: 0.4}
     rows = [
         {
@@ -179,8 +179,8 @@ def test_a_result_is_within_its_error_or_not() -> None:
     assert not within(found[0] | {FINE: 0.41}) and FINE not in errors([rows[1], rows[3]])[0]
 
 
-def test_no_published_billet_fails_and_errors_hold_for_19_of_20_corners() -> None:
-    """Of all 14 billets, on all cells; the page lists the results that are not within."""
+def test_published_billets_and_their_errors() -> None:
+    """None of the 14 billets fails on any cells, and errors hold for 19 of 20 corners."""
     rows = Output().rows("billet_grid")
     assert not any(row["failure"] for row in rows)
     found = errors(rows)
@@ -190,11 +190,11 @@ def test_no_published_billet_fails_and_errors_hold_for_19_of_20_corners() -> Non
     assert sum(map(within, finer)) >= 0.95 * len(finer)
 
 
-def test_tapers_are_as_many_as_runs() -> None:
+def test_tapers_are_distinct() -> None:
     assert len(set(sweep_cost.tapers(32))) == 32
 
 
-def test_the_largest_difference_of_a_diagram_is_told_by_database_and_manganese() -> None:
+def test_largest_differences_of_a_diagram_are_grouped() -> None:
     def row(database: str, manganese: float, off: float) -> dict[str, object]:
         limits = {key: 1500.0 for key in (*grades.LIMITS, "solid")}
         theirs = {f"{key}_database": value + off for key, value in limits.items()}
@@ -208,7 +208,7 @@ def test_the_largest_difference_of_a_diagram_is_told_by_database_and_manganese()
     assert [one["liquidus_regression"] for one in found] == [11.0, 10.5]
 
 
-def test_a_published_formula_is_as_near_as_the_page_says() -> None:
+def test_published_formula_is_as_close_as_stated() -> None:
     rows = Output().rows("grades_published")
     made = grades.published(Output().rows("grades_diagram"))
     assert len(rows) == len(made) == 24
@@ -226,7 +226,7 @@ FAR = ((0.1, 1.4), (0.12, 1.4))
 """Carbon and manganese of the steels whose solidus is 7 K off."""
 
 
-def test_curves_of_a_caster_are_compared_where_both_are_known() -> None:
+def test_curves_of_a_caster_are_compared_where_known() -> None:
     fine = np.arange(5.0), np.array([np.nan, 1.0, 4.0, 3.0, 9.0])
     coarse = np.array([1.0, 3.0, 4.0]), np.array([1.0, 3.0, np.nan])
     assert caster_error.apart(fine, coarse) == pytest.approx(2.0)

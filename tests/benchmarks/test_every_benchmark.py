@@ -1,4 +1,4 @@
-"""Every benchmark is imported, and run in its shortest form where that takes some seconds."""
+"""Every benchmark is imported, and run in its shortest form if that takes some seconds."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ SLOW = {
     "throughput": "a sweep of 32 billets, several times",
     "verification": "tests/closed_forms runs what it runs",
 }
-"""Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
+"""Only imported, with the reason; `python -m benchmarks NAME --quick` runs them."""
 
-SCRIPTED = ("opponent", "plain_script")  # by another library
+SCRIPTED = ("opponent", "plain_script")  # with another library
 
 FOUND = SimpleNamespace(value=0.48, low=0.2, high=0.7, open_low=False, open_high=True)
 SMALL: dict[str, dict[str, Any]] = {
     "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
-    # tests/optimisation drives such searches by results that are known.
+    # tests/optimisation tests such searches with known results.
     "optimum_holds": {"search": lambda *_: SimpleNamespace(values=(FOUND,))},
     "caster_error": {"KINDS": {"slices": (4.0, 2.0)}},
     "sensitivity_errors": {
@@ -61,17 +61,17 @@ SMALL: dict[str, dict[str, Any]] = {
         "RUNS": (("billet125/thermal", (), ("heat_removed",), ("casting.superheat",)),),
     },
 }
-"""What is tried of the others, where even `--quick` is more than a test needs."""
+"""Reduced settings where even `--quick` is more than a test needs."""
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem)
 def test_module_is_imported(file: Path) -> None:
-    """Every name that a module takes from another is there."""
+    """Every name that a module imports from another exists."""
     if file.stem in SCRIPTED:
         pytest.importorskip("skfem", reason="needs the extra benchmark: tools/env.sh benchmark")
     import_module("benchmarks" if file.stem == "__init__" else f"benchmarks.{file.stem}")
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        # Those within functions, which an import alone does not reach.
+        # Also imports within functions, which an import of the module does not reach.
         if (
             isinstance(node, ast.ImportFrom)
             and node.module
@@ -107,8 +107,8 @@ def test_shortest_form_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     assert list((tmp_path / "data").glob("*.csv"))
 
 
-def test_a_plain_script_finds_the_same() -> None:
-    """On one mesh with the same steps: it differs by its quadrature of the Laplacian alone."""
+def test_plain_script_agrees() -> None:
+    """On one mesh with the same steps it differs only by its quadrature of the Laplacian."""
     pytest.importorskip("skfem", reason="needs the extra benchmark: tools/env.sh benchmark")
     billet, slab = opponent.BILLET, replace(opponent.STRAND, theirs=())
     case = billet.case(1.2, 0.25)
@@ -129,7 +129,7 @@ def test_a_plain_script_finds_the_same() -> None:
 
 
 def between(output: Output, name: str) -> list[str]:
-    """The lines between the markers of a table."""
+    """Return the lines between the markers of a table."""
     page = output.page.read_text(encoding="utf-8")
     found = re.search(rf"<!-- begin {name} -->\n(.*?)<!-- end {name} -->", page, re.DOTALL)
     return found[1].splitlines()
@@ -156,7 +156,7 @@ def test_coarse_run_is_near_the_reference_at_every_instant() -> None:
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sweep of two runs for each corner, and coarse defaults."""
+    """Use a sweep of two runs for each corner, and coarse defaults."""
 
     def few(corner: str, quick: bool = False) -> Iterator[Settings]:
         chosen = [s for s in sweep(corner, quick=True) if s.surface_size == 1.2 and s.step == 0.5]
@@ -197,7 +197,7 @@ def test_unknown_section_is_refused(
     assert "acuracy" in capsys.readouterr().err
 
 
-def test_shares_of_the_march_add_up() -> None:
+def test_shares_of_the_time_loop_add_up() -> None:
     found = run(Settings(surface_size=1.2, step=0.5))
     parts = costs.shares(found)
     assert sum(parts.values()) == pytest.approx(1.0)

@@ -1,4 +1,4 @@
-"""Where benchmarks put their results: markers of a page, tables, CSV files."""
+"""Output of benchmarks: markers of a page, tables, CSV files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def output(tmp_path: Path) -> Output:
     return Output(tmp_path, "page.md")
 
 
-def test_text_stands_between_its_markers_and_nowhere_else(output: Output) -> None:
+def test_text_is_only_between_its_markers(output: Output) -> None:
     output.insert("one", "| a \\1 |\n\n")
     page = output.page.read_text(encoding="utf-8")
     assert page == TEXT.replace("old\n", "| a \\1 |\n")
@@ -87,12 +87,12 @@ def test_csv(output: Output) -> None:
     assert output.rows("none") == []
 
 
-def test_front_keeps_what_no_other_run_beats() -> None:
+def test_front_keeps_undominated_runs() -> None:
     rows = [{"seconds": s, "e": e} for s, e in ((3, 1.0), (1, 5.0), (2, 7.0), (4, 1.0), (5, 0.5))]
     assert front(rows, "e") == ([1, 3, 5], [5.0, 1.0, 0.5])
 
 
-# What the pages quote is what the data have: every table is made anew and compared
+# Numbers on the pages agree with the data: every table is made again and compared
 
 
 DOCS = PAGE.parent
@@ -101,7 +101,7 @@ BEGIN = re.compile(r"<!-- begin (.+?) -->\n(.*?)<!-- end \1 -->", re.DOTALL)
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The pages with nothing in their blocks, filled from a copy of the data."""
+    """Return the pages with empty blocks, filled from a copy of the data."""
     folder = tmp_path_factory.mktemp("docs")
     shutil.copytree(DOCS / "data", folder / "data")
     for page in DOCS.glob("*.md"):
@@ -113,18 +113,18 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("page", sorted(p.name for p in DOCS.glob("*.md")))
 def test_tables_are_those_of_the_data(page: str, made: Path) -> None:
-    """Byte for byte; `python -m benchmarks tables` mends a page whose data have changed."""
+    """Byte for byte; `python -m benchmarks tables` updates a page after a change of its data."""
     there, anew = (
         {m[1]: m[2] for m in BEGIN.finditer((folder / page).read_text(encoding="utf-8"))}
         for folder in (DOCS, made)
     )
     for name, text in there.items():
-        assert anew[name] == text, f"{page}: {name}: make it anew: python -m benchmarks tables"
+        assert anew[name] == text, f"{page}: {name}: regenerate it: python -m benchmarks tables"
         assert text.strip(), name
 
 
 def test_changed_number_is_found(made: Path, tmp_path: Path) -> None:
-    """The comparison sees a cell of the data that is another one than on the page."""
+    """The comparison finds a cell of the data that differs from the page."""
     shutil.copytree(made, tmp_path / "docs")
     data = tmp_path / "docs" / "data" / "caster.csv"
     text = data.read_text(encoding="utf-8")
@@ -147,8 +147,8 @@ def test_sentence_that_differs_from_its_data_is_found(tmp_path: Path) -> None:
     page.write_text(sentence.format("9.12"))
     assert wrong(tmp_path) == []
     page.write_text(sentence.format("9.21"))
-    (told,) = wrong(tmp_path)
-    assert told == "page.md: line 1: 9.21 is quoted, runs.csv[run=slow].heat .2f is 9.12"
+    (message,) = wrong(tmp_path)
+    assert message == "page.md: line 1: 9.21 is quoted, runs.csv[run=slow].heat .2f is 9.12"
     ratio = "<!-- q1 -->{} times\n\nq1: runs.csv[run=slow].peak / runs.csv[run=fast].peak .1f\n"
     page.write_text(ratio.format("2.0"))
     assert wrong(tmp_path) == []
@@ -156,14 +156,14 @@ def test_sentence_that_differs_from_its_data_is_found(tmp_path: Path) -> None:
     assert "no row with run=slower" in wrong(tmp_path)[0]
 
 
-def test_source_of_a_number_stands_at_the_end_of_its_page(tmp_path: Path) -> None:
+def test_source_of_a_number_is_at_the_end_of_its_page(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "runs.csv").write_text("run,heat\nslow,9.1234\n")
     page = tmp_path / "page.md"
     source = "\n<!-- numbers of this page\nq1: runs.csv[run=slow].heat .2f\n-->\n"
     page.write_text("It takes <!-- q1 -->9.21 MJ out.\n" + source)
-    (told,) = wrong(tmp_path)
-    assert told == "page.md: line 1: 9.21 is quoted, runs.csv[run=slow].heat .2f is 9.12"
+    (message,) = wrong(tmp_path)
+    assert message == "page.md: line 1: 9.21 is quoted, runs.csv[run=slow].heat .2f is 9.12"
     rewrite(tmp_path)
     assert wrong(tmp_path) == [] and "<!-- q1 -->9.12 MJ" in page.read_text()
     page.write_text("It takes <!-- q2 -->9.12 MJ out.\n" + source)
@@ -195,7 +195,7 @@ RUNS = "run,heat,low,high\nslow,9.1234,1,2.52\nfast,8,,\n"
         ("data runs.csv", "data runs.csv rows 2 1", "page.md: line 3: heat [MJ]: no column"),
     ],
 )
-def test_table_of_a_finished_study_is_held_to_its_file(
+def test_table_of_a_finished_study_agrees_with_its_file(
     tmp_path: Path, text: str, other: str, error: str
 ) -> None:
     (tmp_path / "data").mkdir()
@@ -205,7 +205,7 @@ def test_table_of_a_finished_study_is_held_to_its_file(
     assert found[0].startswith(error) if error else not found, found
 
 
-def test_turned_table_is_held_to_its_file(tmp_path: Path) -> None:
+def test_transposed_table_agrees_with_its_file(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "runs.csv").write_text(RUNS)
     turned = (
@@ -218,8 +218,8 @@ def test_turned_table_is_held_to_its_file(tmp_path: Path) -> None:
     assert wrong(tmp_path) == ["page.md: line 1: heat: no column has 9.124 in runs.csv"]
 
 
-def test_every_comment_over_a_kept_table_is_read_and_most_changed_digits_are_found() -> None:
-    """Words of the first column, which may differ from the file, hold the digits that are not."""
+def test_changed_digits_of_kept_tables_are_found() -> None:
+    """Every table is read; digits in words of the first column may differ from the file."""
     tried = missed = 0
     for page in pages(DOCS):
         text = page.read_text(encoding="utf-8")
@@ -243,28 +243,28 @@ def test_pages_quote_numbers() -> None:
 
 
 @pytest.mark.parametrize("place", ["how_to/page.md", "../README.md"])
-def test_pages_in_other_folders_are_held_to_the_data_too(tmp_path: Path, place: str) -> None:
-    """Found as another number there, and written anew."""
+def test_pages_in_other_folders_are_compared_too(tmp_path: Path, place: str) -> None:
+    """A different number is found there, and rewritten."""
     folder = tmp_path / "docs"
     (folder / "data").mkdir(parents=True)
     (folder / "data" / "runs.csv").write_text("run,heat\nslow,9.1234\n")
     page = folder / place
     page.parent.mkdir(exist_ok=True)
     page.write_text("It takes <!-- q1 -->9.21 MJ out.\n\nq1: runs.csv[run=slow].heat .2f\n")
-    (told,) = wrong(folder)
-    assert told.startswith(f"{place}: line 1: 9.21 is quoted")
+    (message,) = wrong(folder)
+    assert message.startswith(f"{place}: line 1: 9.21 is quoted")
     rewrite(folder)
     assert wrong(folder) == [] and "-->9.12 MJ" in page.read_text()
 
 
 def test_no_line_begins_with_a_comment() -> None:
-    """Markdown would take such a line for HTML and tear the sentence."""
+    """Markdown would take such a line for HTML and split the sentence."""
     for page in pages(DOCS):
         for line in page.read_text(encoding="utf-8").splitlines():
             assert not re.match(r"\s*<!-- q\d", line), (page.name, line)
 
 
-def test_nine_of_ten_differences_of_runs_are_within_the_error_of_a_derivative() -> None:
+def test_most_differences_are_within_the_stated_error() -> None:
     rows = Output(DOCS).rows("sensitivity_errors")
     known = [row["within"] for row in rows if row["within"] != "error unknown"]
     assert len(known) == 42 and known.count("yes") == 39

@@ -1,4 +1,4 @@
-"""What the tables of the slab's defects read from a run: which rows, which face, which roll."""
+"""Readings of the slab's defect tables from a run: rows, faces, rolls."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def stations() -> Stations:
 
 
 class Maps:
-    """A row at each of some rolls; mid-width and corner of both wide faces."""
+    """Map rows at some rolls; mid-width and corner of both wide faces."""
 
     def __init__(self, stations: Stations, numbers: tuple[int, ...]) -> None:
         assert stations.rolls is not None
@@ -51,8 +51,8 @@ class Maps:
         return self.values[name]
 
 
-def test_what_is_near_a_misaligned_roll(stations: Stations) -> None:
-    """Behind #47, up to #50, by face: what lies outside is not taken."""
+def test_indexes_near_a_misaligned_roll(stations: Stations) -> None:
+    """Beyond #47, up to #50, by face: values outside are not used."""
     maps: Any = Maps(stations, (47, 48, 49, 50, 51))
     maps["I1"][:, 1] = 90e6, 10e6, 20e6, 30e6, 80e6
     maps["I2"][:, 2] = 9e-4, 1e-4, 3e-4, 2e-4, 8e-4
@@ -63,7 +63,7 @@ def test_what_is_near_a_misaligned_roll(stations: Stations) -> None:
     assert found["defect_extrados_I2"] == 0.0
 
 
-def test_the_worst_place_of_a_phase(stations: Stations) -> None:
+def test_largest_index_of_a_phase(stations: Stations) -> None:
     maps: Any = Maps(stations, (12, 15, 30, 56, 57))
     maps["I1"][:, 2] = 1e6, 2e6, 99e6, 5e6, 7e6
     maps["I1"][1, 1] = 4e6
@@ -94,21 +94,19 @@ def test_largest_effort_and_its_roll(stations: Stations) -> None:
     assert slabs._effort(history, stations) == {"effort": 110.0, "effort_roll": 55}
 
 
-def test_a_run_that_has_not_finished_is_left_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unfinished_run_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert slabs._case(tmp_path / "locked_48") is None
     assert "locked_48: not finished, left out" in capsys.readouterr().out
 
 
-def test_the_thesis_stands_in_brackets(tmp_path: Path) -> None:
+def test_value_of_the_thesis_is_in_brackets(tmp_path: Path) -> None:
     assert slabs._beside({"a": 34.26, "a_thesis": 41.1}, "a") == "34.3 (41.1)"
     assert slabs._beside({"a": 34.26, "a_thesis": None}, "a") == "34.3"
     assert Output(tmp_path).rows("slab_defects") == []
 
 
-def test_what_is_best_known_is_finer_in_cells_and_in_windows(tmp_path: Path) -> None:
-    """What depends on both by itself is that of fine cells with short windows; lines by rms."""
+def test_best_known_result_has_fine_cells_and_windows(tmp_path: Path) -> None:
+    """If a result depends on both, it is that of fine cells with short windows; lines by rms."""
     rows = []
     for one in (*slab_error.SETTINGS[:6], slab_error.SHIPPED):
         value = 10.0 + 2.0 * one.size + 0.1 * one.window
@@ -121,17 +119,17 @@ def test_what_is_best_known_is_finer_in_cells_and_in_windows(tmp_path: Path) -> 
         )
     output = Output(tmp_path, "slab_error.md")
     output.csv("slab_error", rows)
-    told = {row["name"]: row for row in slab_error._told(output)}
-    assert told[slab_error.EVENLY.name]["effort"] == pytest.approx(2.0 * 2.5 + 0.1 * 25.0)
-    assert told[slab_error.FINE_CELLS.name]["effort"] == pytest.approx(0.1 * 25.0)
-    assert told[slab_error.EVENLY.name]["surface"] == pytest.approx(7.5e-3)
-    assert told[slab_error.EVENLY.name]["bulge"] == pytest.approx(7.5)  # um of mm
+    table = {row["name"]: row for row in slab_error._told(output)}
+    assert table[slab_error.EVENLY.name]["effort"] == pytest.approx(2.0 * 2.5 + 0.1 * 25.0)
+    assert table[slab_error.FINE_CELLS.name]["effort"] == pytest.approx(0.1 * 25.0)
+    assert table[slab_error.EVENLY.name]["surface"] == pytest.approx(7.5e-3)
+    assert table[slab_error.EVENLY.name]["bulge"] == pytest.approx(7.5)  # um of mm
     slab_error.show(output)
     assert "| **5** | **25** | growing, 3e-5 |" in output.page.read_text(encoding="utf-8")
 
 
-def test_heat_goes_to_what_the_face_meets() -> None:
-    """Under one flux each has its share of the way; twice the flux on one face counts twice."""
+def test_heat_is_assigned_to_the_zones_of_the_face() -> None:
+    """With one flux each has its share of the length; twice the flux on one face counts twice."""
     case = load_case(CASES / "sprays.toml")
     at = np.arange(0.8, 18.0, 0.002)
     flux = {f"heat_flux_mid_face_{face}": np.full(len(at), 1e6) for face in slab_sprays.SIDES}
@@ -149,7 +147,7 @@ def test_heat_goes_to_what_the_face_meets() -> None:
     assert sum(v for v in bender.values() if isinstance(v, float)) == pytest.approx(100.0)
 
 
-def test_falls_of_the_surface_under_sprays_and_rolls() -> None:
+def test_surface_falls_under_sprays_and_rolls() -> None:
     """A surface up to 40 K colder in each spray, 20 K at each roll; the extrados 50 K warmer."""
     case, machine = load_case(CASES / "sprays.toml"), rolls()
     at = np.arange(0.8, 18.0, 0.001)
@@ -171,7 +169,7 @@ def test_falls_of_the_surface_under_sprays_and_rolls() -> None:
     assert found["corner_least"] < found["corner_most"] < 1000.0
 
 
-def test_what_the_page_concludes_of_the_thesis_is_in_the_data() -> None:
+def test_conclusions_about_the_thesis_are_in_the_data() -> None:
     """VI.3.3 to VI.4.4: straightening above bending, locked rolls below a misaligned one."""
     data = Path(__file__).parents[2] / "docs" / "data" / "slab_defects.csv"
     found = pd.read_csv(data).set_index("case")

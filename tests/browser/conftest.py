@@ -1,4 +1,4 @@
-"""A browser that tools/browser.sh has started (`make test-browser`); left out without it."""
+"""A browser started by tools/browser.sh (`make test-browser`); excluded without it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def page(browser: Browser, file: Path) -> Iterator[Page]:
-    """The page as it is open; nothing may be wrong in its console, nothing may be fetched."""
+    """Open the page; its console must have no errors, and it must load nothing else."""
     context = browser.new_context(viewport={"width": 1100, "height": 900})
     found = context.new_page()
     wrong: list[str] = []

@@ -1,4 +1,4 @@
-"""The page of a caster in a real browser: its slider moves all of it, nothing is fetched."""
+"""The page of a caster in a real browser: its slider moves all parts, nothing is loaded."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PLANT = {
 
 @pytest.fixture(scope="session")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page of a small slab."""
+    """Return the page of a small slab."""
     home = tmp_path_factory.mktemp("caster")
     case = rolled(caster={"plant": PLANT, "spacing": "0.2 m", "every": "5 s"})
     (home / "case.toml").write_text(case.resolved_toml())
@@ -34,11 +34,11 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "report.html"
 
 
-def test_it_is_valid_html(file: Path) -> None:
+def test_page_is_valid_html(file: Path) -> None:
     html5lib.HTMLParser(strict=True).parse(file.read_bytes())
 
 
-def test_the_slider_moves_curves_and_strand(page: Page) -> None:
+def test_slider_moves_curves_and_strand(page: Page) -> None:
     known = json.loads(str(page.locator("#strand").text_content()))
     slider = page.locator("#clock")
     curve = page.locator("figure.chart path").first

@@ -1,4 +1,4 @@
-"""The report page in a real browser: slider, pointer, print; no error, valid HTML, a small file."""
+"""The report page in a browser: slider, pointer, print; no error, valid HTML, a small file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ HEADINGS = {
 
 @pytest.fixture(scope="session")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folders of the runs, coarse and short."""
+    """Return the folders of the runs, coarse and short."""
     home = tmp_path_factory.mktemp("runs")
     for name, words in RUNS.items():
         assert execute(["run", *words, "-q", "-o", str(home / name)]) == 0
@@ -56,12 +56,12 @@ def file(request: pytest.FixtureRequest, runs: Path) -> Path:
     return target
 
 
-def test_it_is_valid_html_and_small(file: Path) -> None:
+def test_page_is_valid_html_and_small(file: Path) -> None:
     html5lib.HTMLParser(strict=True).parse(file.read_bytes())
     assert file.stat().st_size < LARGEST
 
 
-def test_its_parts_are_there(page: Page, file: Path) -> None:
+def test_all_parts_exist(page: Page, file: Path) -> None:
     headings = page.locator("h2").all_inner_texts()
     assert [h for h in HEADINGS[file.stem] if h not in headings] == []
     assert page.locator("img").evaluate_all("all => all.every(i => i.naturalWidth > 100)")
@@ -73,8 +73,8 @@ def test_its_parts_are_there(page: Page, file: Path) -> None:
     assert wide <= 0, "the page is wider than its window"
 
 
-def test_the_slider_moves_the_section(page: Page, file: Path, runs: Path) -> None:
-    """Each place has its own colours, and the numbers below the pointer are those of the fields."""
+def test_slider_moves_the_section(page: Page, file: Path, runs: Path) -> None:
+    """Each place has its own colours, and the numbers at the pointer are those of the fields."""
     figure = page.locator("figure.slice").first
     cells = figure.locator("defs polygon")
     slider = figure.locator("input[type=range]")
@@ -103,7 +103,7 @@ def test_the_slider_moves_the_section(page: Page, file: Path, runs: Path) -> Non
     assert pointed.inner_text().startswith(names[-1])
 
 
-def test_the_pointer_reads_the_curves(page: Page, file: Path) -> None:
+def test_pointer_reads_the_curves(page: Page, file: Path) -> None:
     charts = page.locator("figure.chart")
     assert charts.count() > 4
     for chart in (charts.first, charts.nth(charts.count() - 1)):
@@ -124,8 +124,8 @@ def test_the_pointer_reads_the_curves(page: Page, file: Path) -> None:
         assert chart.locator(".cursor").get_attribute("visibility") == "hidden"
 
 
-def test_it_prints(page: Page, file: Path) -> None:
-    """On A4, controls left out, nothing cut off at the right."""
+def test_page_prints(page: Page, file: Path) -> None:
+    """On A4, without controls, and nothing cut off on the right."""
     page.emulate_media(media="print")
     for control in page.locator(".controls input, .controls select, nav").all():
         assert not control.is_visible()
@@ -137,10 +137,10 @@ def test_it_prints(page: Page, file: Path) -> None:
     assert printed.startswith(b"%PDF") and 2 <= sheets <= 40
 
 
-def test_a_page_at_work_is_read_again_until_the_run_has_ended(
+def test_page_of_an_active_run_reloads_until_its_end(
     browser: Browser, runs: Path, tmp_path: Path
 ) -> None:
-    """`castfem watch --html`: the browser takes the new version by itself, then leaves it alone."""
+    """`castfem watch --html`: the browser loads new versions, and stops after the last."""
     import shutil
 
     from castfem.post.watch.show import Page as Written
@@ -173,5 +173,5 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     page.wait_for_function("document.querySelector('#work') === null")
     page.evaluate("window.mine = true")
     page.wait_for_timeout(2500)
-    assert page.evaluate("window.mine") is True  # it has not been read again
+    assert page.evaluate("window.mine") is True  # it has not been reloaded
     context.close()

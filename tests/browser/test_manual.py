@@ -1,4 +1,4 @@
-"""The manual (`make docs`) in a real browser: equations are drawn, on screen and paper, offline."""
+"""The manual (`make docs`) in a browser: equations are drawn, on screen and paper, offline."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BROKEN = r"""() => new Promise(done => {
 
 
 def pages(word: str = "") -> list[Path]:
-    """Pages of the manual that have a word in them."""
+    """Return the pages of the manual that contain a word."""
     found = sorted(MANUAL.rglob("*.html"))
     assert found, "there is no manual: make docs"
     found = [page for page in found if "_static" not in page.parts]
@@ -53,8 +53,8 @@ def page(browser: Browser) -> Iterator[Page]:
     context.close()
 
 
-def test_nothing_is_loaded_from_elsewhere() -> None:
-    """No script, style, font or picture of a page has an address; all files are there."""
+def test_everything_is_loaded_from_the_manual() -> None:
+    """No script, style, font or picture of a page is remote; all files exist."""
     for page in pages():
         for target in LOADED.findall(page.read_text(encoding="utf-8")):
             assert "//" not in target, (page.name, target)
@@ -62,7 +62,7 @@ def test_nothing_is_loaded_from_elsewhere() -> None:
 
 
 def test_equations_are_drawn(page: Page) -> None:
-    """Each formula is a drawing, in print too; none is in error, none is left as TeX."""
+    """Each formula is a drawing, also in print; none is in error, none is left as TeX."""
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("requestfailed", lambda request: errors.append(request.url))

@@ -1,4 +1,4 @@
-"""A cast from the empty machine to its tail, and what enters, leaves and stays of it."""
+"""A cast from the empty machine to its tail: mass and heat that enter, leave and remain."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ BEGAN, ENDED, LENGTH, SPACING = 1.0, 25.0, 0.5, 0.04
 """s, s, m, m"""
 
 
-def whole_cast(**changes: Any) -> Case:
-    """A thin strip, cooled alike everywhere, from rest to the tail."""
+def full_cast(**changes: Any) -> Case:
+    """Return a thin strip, cooled uniformly, from rest to the tail."""
     table = {
         "plant": PLANT, "spacing": f"{SPACING} m", "every": "1 s", "cast_from": f"{BEGAN} s",
         "cast_until": f"{ENDED} s", **changes,
@@ -39,20 +39,20 @@ def whole_cast(**changes: Any) -> Case:
 
 
 def cast(until: Array | float) -> Any:
-    """What has been cast, m: by hand."""
+    """Return the cast length, m, by hand."""
     ramp = np.clip(np.asarray(until) - 2.0, 0.0, 10.0)
     return (0.05 * ramp**2 + np.maximum(np.asarray(until) - 12.0, 0.0)) / 60.0
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, Path]:
-    """The case and the folder of its caster."""
-    case, folder = whole_cast(), tmp_path_factory.mktemp("cast")
+    """Return the case and the folder of its caster."""
+    case, folder = full_cast(), tmp_path_factory.mktemp("cast")
     run_caster(case, folder)
     return case, folder
 
 
-def test_the_strand_reaches_from_its_tail_to_its_head(made: tuple[Case, Path]) -> None:
+def test_strand_reaches_from_its_tail_to_its_head(made: tuple[Case, Path]) -> None:
     case, folder = made
     strand, _, _ = read_table(folder / "strand.csv")
     numbers, _, _ = read_table(folder / "caster.csv")
@@ -72,7 +72,7 @@ def test_the_strand_reaches_from_its_tail_to_its_head(made: tuple[Case, Path]) -
     assert out.any() and not numbers["slices"][out].any() and numbers["slices"][~out].all()
 
 
-def test_the_pool_follows_the_head_and_ends_before_the_tail(made: tuple[Case, Path]) -> None:
+def test_pool_follows_the_head_and_ends_before_the_tail(made: tuple[Case, Path]) -> None:
     case, folder = made
     numbers, _, _ = read_table(folder / "caster.csv")
     time, pool = numbers["time"], numbers["metallurgical_length"]
@@ -81,7 +81,7 @@ def test_the_pool_follows_the_head_and_ends_before_the_tail(made: tuple[Case, Pa
     ages = [
         np.interp(cast(start) + place, cast(fine), fine) - start
         for start, place in zip(starts, slices["metallurgical_length"], strict=True)
-        if start > 3.0  # of the head the place tells little: it stands
+        if start > 3.0  # the place says little about the head, which is at rest
         for fine in [np.linspace(0.0, 60.0, 60001)]
     ]
     solid_after = float(np.mean(ages))
@@ -92,11 +92,11 @@ def test_the_pool_follows_the_head_and_ends_before_the_tail(made: tuple[Case, Pa
     expected = cast(time) - cast(time - solid_after)
     assert steady.sum() > 10 and pool[steady] == pytest.approx(expected[steady], abs=5e-3)
     assert np.isnan(pool[time > ENDED + 1.02 * solid_after]).all()
-    told = "\n".join(answers(folder, case))
-    assert "no slice has liquid at" in told and "leaves the machine" not in told
+    text = "\n".join(answers(folder, case))
+    assert "no slice has liquid at" in text and "leaves the machine" not in text
 
 
-def test_mass_and_heat_that_enter_leave_and_stay_balance(made: tuple[Case, Path]) -> None:
+def test_mass_and_heat_are_balanced(made: tuple[Case, Path]) -> None:
     case, folder = made
     numbers, _, _ = read_table(folder / "caster.csv")
     rows, _, _ = read_table(folder / "strand.csv")
@@ -111,7 +111,7 @@ def test_mass_and_heat_that_enter_leave_and_stay_balance(made: tuple[Case, Path]
         gone = slices["slice"][slices["left"] <= now + 1e-9].astype(int) - 1
         entered = cast(min(now, ENDED))
         left = max(0.0, min(cast(now) - LENGTH, cast(ENDED)))
-        # Slices stand for what comes after them: the youngest for what is on its way, too.
+        # Each slice represents the length after it, the youngest also the length just cast.
         assert -1e-6 <= length[inside].sum() + length[gone].sum() - entered <= SPACING + 1e-6
         assert -1e-6 <= length[gone].sum() - left <= SPACING + 1e-6
         removed = float(length[inside] @ rows["heat_removed"][rows["clock"] == now])
@@ -123,7 +123,7 @@ def test_mass_and_heat_that_enter_leave_and_stay_balance(made: tuple[Case, Path]
     assert np.abs(numbers["energy_error"]).max() < 1e-12 and heat > 0.0
 
 
-def test_the_picture_has_no_strand_beyond_its_ends(made: tuple[Case, Path]) -> None:
+def test_picture_has_no_strand_beyond_its_ends(made: tuple[Case, Path]) -> None:
     _, folder = made
     axes = strand_figure(folder, "a cast", LENGTH).axes
     shell = next(a.collections[0] for a in axes if a.collections).get_array()
@@ -132,7 +132,7 @@ def test_the_picture_has_no_strand_beyond_its_ends(made: tuple[Case, Path]) -> N
     time = read_table(folder / "caster.csv")[0]["time"]
     top = np.maximum(cast(time) - cast(np.minimum(time, ENDED)), 0.0)
     share = np.maximum(np.minimum(cast(time), LENGTH) - top, 0.0) / LENGTH
-    drawn = seen.mean(axis=0)  # above the tail by as much as slices are apart
+    drawn = seen.mean(axis=0)  # above the tail by the distance of slices
     assert (drawn > share - 0.01).all() and (drawn < share + SPACING / LENGTH + 0.01).all()
     head = cast(time) < LENGTH
     assert head.sum() > 20 and drawn[head & (time < ENDED)] == pytest.approx(
@@ -140,7 +140,7 @@ def test_the_picture_has_no_strand_beyond_its_ends(made: tuple[Case, Path]) -> N
     )
 
 
-def test_a_slice_of_the_start_is_the_run_of_its_case(made: tuple[Case, Path]) -> None:
+def test_slice_of_the_start_is_the_run_of_its_case(made: tuple[Case, Path]) -> None:
     case, folder = made
     slices, _, _ = read_table(folder / "slices.csv")
     strand = Strand(case)
@@ -153,7 +153,7 @@ def test_a_slice_of_the_start_is_the_run_of_its_case(made: tuple[Case, Path]) ->
     strand.destroy()
 
 
-def test_steady_until_the_tail() -> None:
+def test_steady_cast_until_the_tail() -> None:
     case = caster({"caster.cast_until": "3.2 s"})
     starts = starts_of(case)
     assert starts[-1] == 3.2 and starts[0] < -1.0
@@ -170,11 +170,11 @@ def test_steady_until_the_tail() -> None:
         ({"cast_until": "61 s"}, r"cast_until: \(61 s\): the plant's history goes"),
     ],
 )
-def test_ends_that_are_refused(changes: dict[str, Any], message: str) -> None:
+def test_impossible_ends_are_refused(changes: dict[str, Any], message: str) -> None:
     if changes.get("cast_from", "") is None:
         table = {"plant": PLANT, "spacing": "40 mm", "every": "1 s"}
         with pytest.raises(InputError, match=message):
             strip({"casting.length": "0.5 m", "caster": table})
         return
     with pytest.raises(InputError, match=message):
-        whole_cast(**changes)
+        full_cast(**changes)

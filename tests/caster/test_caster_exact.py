@@ -1,4 +1,4 @@
-"""A slice of a caster is the run of its case to the last digit, whatever the number of ranks."""
+"""A slice of a caster is the run of its case to the last digit, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ ZONES = {
 
 
 def _advanced(case: Case) -> Any:
-    """The strand of a caster, its slices' rows by number, and their states as they left."""
+    """Return the strand of a caster, the rows of its slices by number, and their last states."""
     strand = Strand(case)
     rows: dict[int, list[dict[str, float]]] = {}
     ends: dict[int, Any] = {}
@@ -57,13 +57,13 @@ def _advanced(case: Case) -> Any:
             if one.has_left:
                 ends[one.number] = restart.arrays(one.run_state)
         strand.release(clock)
-        assert len(strand.inside) <= 8  # of 14: memory is that of those inside
+        assert len(strand.inside) <= 8  # of 14: memory is for those inside
     return strand, rows, ends
 
 
 @pytest.fixture(scope="module")
 def advanced() -> Any:
-    """A caster with water."""
+    """Return a caster with water."""
     found = _advanced(caster(ZONES, {"ring": ["2 L/min", "2 L/min", "1 L/min", "0 L/min"]}))
     yield found
     found[0].destroy()
@@ -71,7 +71,7 @@ def advanced() -> Any:
 
 @pytest.fixture(scope="module")
 def strained() -> Any:
-    """A caster with mechanics, through a stop."""
+    """Return a caster with mechanics, through a stop."""
     found = _advanced(caster(STRAINED, STOP))
     yield found
     found[0].destroy()
@@ -81,7 +81,7 @@ def strained() -> Any:
     ("which", "number"),
     [*(("advanced", number) for number in (3, 6, 9)), ("strained", 2), ("strained", 4)],
 )
-def test_a_slice_is_the_run_of_its_case(
+def test_slice_is_the_run_of_its_case(
     which: str, number: int, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     strand, rows, ends = request.getfixturevalue(which)
@@ -93,8 +93,8 @@ def test_a_slice_is_the_run_of_its_case(
         (line,) = np.flatnonzero(np.abs(history["time"] - row["time"]) < 1e-9)
         written = {name: float(f"{value:.12g}") for name, value in row.items()}
         assert set(written) == set(history.columns)
-        alone = {name: float(history[name][line]) for name in history}
-        np.testing.assert_equal(alone, written)
+        single = {name: float(history[name][line]) for name in history}
+        np.testing.assert_equal(single, written)
     _, arrays = load_checkpoint(tmp_path / "checkpoint.h5")
     ended = {name: values for name, values in ends[number].items() if values is not None}
     assert set(arrays) == set(ended)
@@ -103,8 +103,8 @@ def test_a_slice_is_the_run_of_its_case(
         assert np.array_equal(arrays[name], values, equal_nan=True), name
 
 
-def test_ten_times_the_speed_at_once_and_water_off_and_on(tmp_path: Path) -> None:
-    """Positions by hand, and the slice that meets all of it as its own run has it."""
+def test_speed_jumps_and_water_stops(tmp_path: Path) -> None:
+    """Positions by hand, and a slice through all of it agrees with its own run."""
     rough = {
         "time": ["0 s", "6 s", "6.01 s", "7 s", "7.01 s", "9 s", "9.01 s", "10 s"],
         "speed": [f"{v} m/min" for v in (0.3, 0.3, 3, 3, 3, 3, 3, 3)],
@@ -130,7 +130,7 @@ def test_ten_times_the_speed_at_once_and_water_off_and_on(tmp_path: Path) -> Non
     assert abs(flux[0]) < 1e-9 * flux[1]  # nothing else cools it there
 
 
-def test_what_a_slice_meets_is_that_of_its_own_time(advanced: Any) -> None:
+def test_conditions_of_a_slice_are_those_of_its_time(advanced: Any) -> None:
     strand, rows, _ = advanced
     young = slice_of(strand.base, strand.starts[12]).casting
     assert young.poured_superheat == 20.0 and young.travel.speed(0.0) < 3.0 / 60.0
@@ -162,10 +162,10 @@ LOOKED_AT = {
 }
 
 
-def test_slices_that_meet_the_same_are_computed_once(
+def test_slices_under_equal_conditions_are_computed_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All files are byte for byte those of slices that are all computed."""
+    """All files agree byte for byte with those of separately computed slices."""
     taken: list[int] = []
     step = TimeLoop.advance
     monkeypatch.setattr(TimeLoop, "advance", lambda loop: (taken.append(1), step(loop))[1])
@@ -202,14 +202,14 @@ POWER = {"speed": ["1 m/min", "4 m/min"], "value": ["200 kW", "400 kW"]}
     ],
     ids=["water", "factor", "superheat", "heat by the mean speed"],
 )
-def test_what_the_plant_does_not_tell_is_met_too(
+def test_tables_of_the_case_are_included(
     cooling: list[Any],
     superheat: Any,
     speed: float,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Tables of the case itself go by the clock; a scaled flux has the mean speed to come."""
+    """Tables of the case itself depend on the clock; a scaled flux uses the future mean speed."""
     contact = cooling[0] or {"coefficient": "1600 W/(m^2 K)"}
     changes = {
         "cooling": [
@@ -228,24 +228,24 @@ def test_what_the_plant_does_not_tell_is_met_too(
         assert (tmp_path / "shared" / name).read_bytes() == whole, name
 
 
-def test_a_stop_between_any_two_steps_loses_nothing(
+def test_stop_between_any_steps_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A slice that goes on from between two instants hands on what pyrometers saw before, too."""
+    """A slice resumed between two instants also returns the earlier records of pyrometers."""
     places = [{"name": f"{at}", "at": f"{at} mm", "on": "corner"} for at in (2, 33, 61, 97)]
     changes = {"caster.pyrometer": places, "caster.end": "1 s", "caster.spacing": "0.5 s"}
     case = caster({**changes, "casting.length": "100 mm"})
     run_caster(case, tmp_path / "whole")
-    stop, asked = 0, itertools.count(1)
+    stop, calls = 0, itertools.count(1)
 
     def stopping(_: Interrupt) -> None:
-        if next(asked) == stop:
+        if next(calls) == stop:
             raise Stopped("as by a signal")
 
     monkeypatch.setattr(Interrupt, "check", stopping)
     run_caster(case, tmp_path / "counted")
-    for stop in range(2, next(asked), 2):
-        asked = itertools.count(1)
+    for stop in range(2, next(calls), 2):
+        calls = itertools.count(1)
         with pytest.raises(Stopped):
             run_caster(case, tmp_path / "stopped")
         run_caster(case, tmp_path / "stopped", resume=True)
@@ -255,16 +255,16 @@ def test_a_stop_between_any_two_steps_loses_nothing(
         shutil.rmtree(tmp_path / "stopped")
 
 
-def test_what_slices_meet() -> None:
-    """Of a speed that is constant, falls from 4 s, and is constant again from 5 s on."""
+def test_keys_of_equal_conditions() -> None:
+    """For a speed that is constant, falls from 4 s, and is constant again from 5 s."""
     speeds = {"speed": ["3.6 m/min", "3.6 m/min", "1.2 m/min", "1.2 m/min"], "mould_heat": None}
     case = by_plant(caster({}, {**speeds, "superheat": ["40 K", "40 K", "40 K", "30 K"]}))
     starts = np.array([-2.5, -1.0, 0.25, 4.5, 5.0, 5.5, 20.0, 21.0])
     keys, until = alike.met(case, starts)
     assert until.tolist() == [4.0, 4.0, 4.0, 4.5, np.inf, np.inf, np.inf, np.inf]
     assert keys[0] == keys[1] and keys[6] == keys[7]
-    assert keys[2] != keys[1]  # it is looked at at other ages
-    assert keys[4] != keys[5] and keys[5] != keys[6]  # they are poured with another superheat
+    assert keys[2] != keys[1]  # it is recorded at other ages
+    assert keys[4] != keys[5] and keys[5] != keys[6]  # poured with another superheat
     assert len(set(keys)) == 6
 
 
@@ -298,12 +298,12 @@ PROGRAM = """
 
 
 def few() -> Case:
-    """A caster of five slices, of which two at most are in the machine."""
+    """Return a caster of five slices, at most two of which are in the machine."""
     return caster({"caster.spacing": "160 mm", "caster.every": "3 s", "casting.length": "170 mm"})
 
 
 def watched() -> Case:
-    """A caster with a pyrometer and a moment."""
+    """Return a caster with a pyrometer and a moment."""
     return caster(
         {"caster.pyrometer": [{"name": "exit", "at": "150 mm"}], "caster.moments": ["4 s"]}
     )
@@ -313,13 +313,13 @@ MORE = "pyrometers.csv", "strand.pvd", "moments/strand_4s.vtu"
 
 
 def strained_caster() -> Case:
-    """A caster with mechanics, through a stop."""
+    """Return a caster with mechanics, through a stop."""
     return caster(STRAINED, STOP)
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("made", [caster, few, watched, strained_caster])
-def test_many_ranks_write_what_one_writes(made: Callable[[], Case], tmp_path: Path) -> None:
+def test_ranks_agree(made: Callable[[], Case], tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     folder = Path(comm.bcast(str(tmp_path)))
     run_caster(made(), tmp_path / "one", comm=MPI.COMM_SELF)
@@ -332,7 +332,7 @@ def test_many_ranks_write_what_one_writes(made: Callable[[], Case], tmp_path: Pa
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the case, the program, and what one rank makes of them."""
+    """Return a folder with the case, the program, and the result of one rank."""
     folder = tmp_path_factory.mktemp("whole")
     case = caster()
     (folder / "case.toml").write_text(case.resolved_toml())
@@ -347,7 +347,7 @@ def _is_as_one(whole: Path, folder: Path) -> bool:
 
 @needs_mpirun
 @pytest.mark.parametrize(("ranks", "then"), [(2, 3), (1, 2)])
-def test_what_was_killed_goes_on_on_other_ranks(
+def test_killed_caster_resumes_on_other_ranks(
     ranks: int, then: int, whole: Path, tmp_path: Path
 ) -> None:
     words = [str(whole / "program.py"), str(whole / "case.toml"), str(tmp_path), "-1"]
@@ -364,7 +364,7 @@ def test_what_was_killed_goes_on_on_other_ranks(
 
 
 @needs_mpirun
-def test_a_signal_to_one_rank_stops_all_and_loses_nothing(whole: Path, tmp_path: Path) -> None:
+def test_signal_to_one_rank_stops_all(whole: Path, tmp_path: Path) -> None:
     words = [str(whole / "program.py"), str(whole / "case.toml"), str(tmp_path)]
     ended = python_on(2, *words, "1")
     assert ended.returncode == 130, ended.stderr
@@ -385,7 +385,7 @@ def test_three_ranks_with_two_slices(whole: Path, tmp_path: Path) -> None:
 
 
 @needs_mpirun
-def test_the_command_on_two_ranks(whole: Path, tmp_path: Path) -> None:
+def test_command_on_two_ranks(whole: Path, tmp_path: Path) -> None:
     words = ["-m", "castfem.cli", "caster", str(whole / "case.toml"), "-o"]
     made = python_on(2, *words, str(tmp_path / "out"))
     assert made.returncode == 0, made.stderr

@@ -1,4 +1,4 @@
-"""A caster that follows a file of the plant comes to the files of the whole history."""
+"""A caster that follows a file of the plant gives the files of the complete history."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FAULTY = "2.5, fast, 40, 1, 2,", "2, 3.6, 40, 1, 2,", "2.6, -1, 40, 1, 2,", "2.7
 
 
 def of_file(path: Path, **changes: Any) -> Any:
-    """The small caster with water, whose plant is a file."""
+    """Return the small caster with water, whose plant is a file."""
     return caster({**ZONES, "caster.plant": {"file": str(path)}, **changes})
 
 
@@ -52,7 +52,7 @@ def add(path: Path, rows: Sequence[str]) -> None:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a caster whose history was known from the beginning, and its file."""
+    """Return the folder of a caster with a complete history, and its file."""
     folder = tmp_path_factory.mktemp("whole")
     (folder / "plant.csv").write_text("\n".join([HEAD, *GOOD]) + "\n")
     run_caster(of_file(folder / "plant.csv"), folder)
@@ -60,11 +60,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def same(one: Path, other: Path) -> bool:
-    """Whether two folders have the same strand, byte for byte, and the same numbers of the whole.
+    """Return whether two folders have the same strand, byte for byte, and the same totals.
 
-    Which length the youngest slice stands for is known once the next one has its start. It is 40 mm
-    until then; starts are rounded to 1e-6 s, which at 3.7 m/min is 1.5e-6 of that. The power of the
-    whole strand is a difference of two instants, and may have twice that error.
+    The length of the youngest slice is known once the next one has its start. It is 40 mm until
+    then; starts are rounded to 1e-6 s, which at 3.7 m/min is 1.5e-6 of that. The power of the
+    strand is a difference of two instants, and may have twice that error.
     """
     (here, _, events), (there, _, others) = (read_table(f / "caster.csv") for f in (one, other))
     heat = [here.pop("cooling_power"), there.pop("cooling_power")]
@@ -74,7 +74,7 @@ def same(one: Path, other: Path) -> bool:
     return alike and np.allclose(*heat, rtol=3.1e-6, atol=0.0, equal_nan=True)
 
 
-def test_a_file_that_grows(whole: Path, tmp_path: Path) -> None:
+def test_growing_file_is_followed(whole: Path, tmp_path: Path) -> None:
     plant, folder = tmp_path / "plant.csv", tmp_path / "out"
     plant.write_text(f"{HEAD}\n{GOOD[0]}\n")
     source, seen, over = PlantFile(plant), [], threading.Event()
@@ -85,7 +85,7 @@ def test_a_file_that_grows(whole: Path, tmp_path: Path) -> None:
             time.sleep(0.3)
             add(plant, [row])
 
-    def read() -> None:  # another program: what it finds is whole at any moment
+    def read() -> None:  # another program: its files are complete at any moment
         while not over.wait(0.01):
             if (folder / "now.json").is_file():
                 seen.append(json.loads((folder / "now.json").read_text()))
@@ -119,7 +119,7 @@ def test_a_file_that_grows(whole: Path, tmp_path: Path) -> None:
 
 
 def wait_for(condition: Any, process: subprocess.Popen[str]) -> None:
-    """Wait until something holds of a process that is at work."""
+    """Wait until a condition holds of a running process."""
     while not condition():
         assert process.poll() is None, process.communicate()
         time.sleep(0.05)
@@ -127,7 +127,7 @@ def wait_for(condition: Any, process: subprocess.Popen[str]) -> None:
 
 @pytest.fixture
 def followed(whole: Path, tmp_path: Path) -> Iterator[Any]:
-    """A function that starts the command on a file of rows."""
+    """Return a function that starts the command on a file of rows."""
     (tmp_path / "case.toml").write_text(
         of_file(
             whole / "plant.csv", **{"caster.end": "9 s", "caster.longest_gap": "5 s"}
@@ -159,32 +159,32 @@ def followed(whole: Path, tmp_path: Path) -> Iterator[Any]:
         process.communicate()
 
 
-def test_sigterm_saves_and_resume_goes_on(followed: Any, whole: Path, tmp_path: Path) -> None:
+def test_sigterm_saves_and_resume_continues(followed: Any, whole: Path, tmp_path: Path) -> None:
     plant, now = tmp_path / "plant.csv", tmp_path / "out" / "now.json"
     first = followed()
     plant.write_text(f"{HEAD}\n")  # later than the command
     add(plant, [*GOOD[:3], *FAULTY[:1]])
     wait_for(lambda: now.is_file() and json.loads(now.read_text())["rows"] == 3, first)
     first.send_signal(signal.SIGTERM)
-    _, told = first.communicate()
-    assert first.returncode == 130 and "interrupted" in told
+    _, err = first.communicate()
+    assert first.returncode == 130 and "interrupted" in err
     record = RunRecord.load(tmp_path / "out")
     assert record.status == "interrupted" and "SIGTERM" in record.reason
     assert not same(whole, tmp_path / "out")
     add(plant, GOOD[3:])
     second = followed("--resume")
-    _, told = second.communicate()
-    assert second.returncode == 0, told
+    _, err = second.communicate()
+    assert second.returncode == 0, err
     assert same(whole, tmp_path / "out")
     again = followed()  # the case in the folder has all rows
     assert again.wait() == 0 and same(whole, tmp_path / "out")
     plant.write_text(plant.read_text().replace("0, 3.6", "0, 3.5", 1))
     third = followed("--resume")
-    _, told = third.communicate()
-    assert third.returncode == 1 and "are not those that were followed before" in told
+    _, err = third.communicate()
+    assert third.returncode == 1 and "are not those that were followed before" in err
 
 
-def test_lines_as_they_come(
+def test_incoming_lines_are_read(
     tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "plant.csv"
@@ -205,7 +205,7 @@ def test_lines_as_they_come(
     plant = source.plant()
     assert plant.times[:4] == (0.0, 60.0, 90.0, 300.0) and plant.events[:2] == ("before", "begun")
     assert plant.values["speed"][1:4] == pytest.approx((0.02, 1.25 / 60.0, 1.3 / 60.0))
-    path.write_text("time [min]; speed [m/min]; event\n6; 1,3; \n")  # begun anew
+    path.write_text("time [min]; speed [m/min]; event\n6; 1,3; \n")  # begun again
     assert source.take() == 1 and "is shorter than before" in told.text
     assert "no row since" not in told.text
     monkeypatch.setattr("castfem.runs.caster.plant_file.LATE", 1e-9)
@@ -213,7 +213,7 @@ def test_lines_as_they_come(
     assert told.text.count("no row since that of 360 s") == 1
 
 
-def test_it_takes_the_place_of_the_plant_of_a_case(tmp_path: Path) -> None:
+def test_file_replaces_the_plant_of_a_case(tmp_path: Path) -> None:
     path = tmp_path / "plant.csv"
     path.write_text("time [s], speed [m/min], event\n0, 1.1, begun\n")
     source = PlantFile(path)
@@ -223,7 +223,7 @@ def test_it_takes_the_place_of_the_plant_of_a_case(tmp_path: Path) -> None:
     assert caster.plant.times[0] == 0.0 and caster.plant.events[0] == "begun"
 
 
-def test_rows_that_no_slice_meets_any_more_are_left_out(whole: Path) -> None:
+def test_rows_of_no_remaining_slice_are_left_out(whole: Path) -> None:
     case = of_file(whole / "plant.csv")
     start = 4.5
     ends = []
@@ -231,12 +231,12 @@ def test_rows_that_no_slice_meets_any_more_are_left_out(whole: Path) -> None:
         casting = slice_of(by_plant(one), start).casting
         ends.append([casting.travel.position(age) for age in np.linspace(0.0, 4.4, 45)])
     assert ends[0] == ends[1]
-    assert recent(case, start).caster.plant.times == (2.2, 3.0, 4.4, 5.0, 9.0)  # it stands at 3 s
+    assert recent(case, start).caster.plant.times == (2.2, 3.0, 4.4, 5.0, 9.0)  # at rest at 3 s
     assert recent(case, 6.0).caster.plant.times == (5.0, 9.0)
     assert recent(case, -1.0) is case
 
 
-def test_a_header_that_no_row_can_do_with(tmp_path: Path) -> None:
+def test_incomplete_header_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "plant.csv"
     path.write_text("time [s], superheat [K]\n0, 20\n")
     with pytest.raises(InputError, match=r"plant.csv: needs the column 'speed'"):

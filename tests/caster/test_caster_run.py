@@ -1,4 +1,4 @@
-"""Runs of a caster: its files, the end of its pool, what is refused, and how it goes on."""
+"""Runs of a caster: files, end of the pool, refused input, and resume."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ COOL = {"law": "convection", "coefficient": "1500 W/(m^2 K)", "ambient": "25 deg
 
 
 def dwelling(length: str, **changes: Any) -> Any:
-    """A thin strip that is cooled alike everywhere: what it has become hangs on its age alone."""
+    """Return a thin strip that is cooled uniformly: its state depends only on its age."""
     cooled = {"name": "all along", "surface": [COOL]}
     table = {"plant": STEP, "spacing": "40 mm", "every": "1 s", **changes}
     return strip({"casting.length": length, "cooling": [cooled], "caster": table})
@@ -45,16 +45,16 @@ def dwelling(length: str, **changes: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def stepped(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A caster of the strip through a step in speed, and its folder."""
+    """Return a caster of the strip through a step in speed, and its folder."""
     case, folder = dwelling("0.7 m"), tmp_path_factory.mktemp("stepped")
     run_caster(case, folder)
     return case, folder
 
 
-def test_pool_ends_where_the_strand_has_come_since_it_left_the_meniscus(stepped: Any) -> None:
+def test_pool_ends_at_the_position_of_the_solid_age(stepped: Any) -> None:
     case, folder = stepped
-    alone = castfem.run(case.with_({"casting.speed": "1 m/min", "output.every": "1 s"}))
-    solid_after = alone.quantities["metallurgical_length"] / (1.0 / 60.0)
+    single = castfem.run(case.with_({"casting.speed": "1 m/min", "output.every": "1 s"}))
+    solid_after = single.quantities["metallurgical_length"] / (1.0 / 60.0)
     numbers, units, words = read_table(folder / "caster.csv")
     assert units["metallurgical_length"] == "m" and 12.0 < solid_after < 40.0
     time, pool = numbers["time"], numbers["metallurgical_length"]
@@ -65,15 +65,15 @@ def test_pool_ends_where_the_strand_has_come_since_it_left_the_meniscus(stepped:
         before = np.minimum(until, 20.0)
         return (before + ramp + 0.5 * ramp**2 + 2.0 * later) / 60.0
 
-    # Steps are right to 1 K each: slices become solid within a per cent of one another.
+    # Steps are right to 1 K each: slices become solid within one per cent of each other.
     expected = cast(time) - cast(time - solid_after)
     assert np.isfinite(pool).all() and pool.max() > 1.9 * pool.min()
     assert pool == pytest.approx(expected, rel=1e-2)
-    assert pool[0] == pytest.approx(alone.quantities["metallurgical_length"], rel=1e-2)
+    assert pool[0] == pytest.approx(single.quantities["metallurgical_length"], rel=1e-2)
     assert words["event"][20] == "faster" and not any(words["event"][21:])
 
 
-def test_slices_tell_where_each_became_solid(stepped: Any) -> None:
+def test_slices_have_the_place_where_they_became_solid(stepped: Any) -> None:
     case, folder = stepped
     slices, _, _ = read_table(folder / "slices.csv")
     cast = cast_of(case)
@@ -87,7 +87,7 @@ def test_heat_of_the_strand_is_balanced(stepped: Any) -> None:
     _, folder = stepped
     numbers, _, _ = read_table(folder / "caster.csv")
     assert np.abs(numbers["energy_error"]).max() < 1e-12
-    # In steady casting the whole strand gives what a slice gives on its way, at the casting speed.
+    # In steady casting the strand loses what one slice loses on its way, at the casting speed.
     strand, _, _ = read_table(folder / "strand.csv")
     steady = numbers["time"] <= 20.0
     last = strand["position"][strand["clock"] == 20.0].argmax()
@@ -97,7 +97,7 @@ def test_heat_of_the_strand_is_balanced(stepped: Any) -> None:
     assert power.mean() == pytest.approx(given, rel=0.02)
 
 
-def test_liquid_that_leaves_the_machine_is_told(tmp_path: Path) -> None:
+def test_liquid_that_leaves_the_machine_is_reported(tmp_path: Path) -> None:
     from castfem.post.report.caster import answers
 
     case = dwelling("0.5 m", end="34 s")
@@ -105,14 +105,14 @@ def test_liquid_that_leaves_the_machine_is_told(tmp_path: Path) -> None:
     numbers, _, _ = read_table(tmp_path / "caster.csv")
     pool = numbers["metallurgical_length"]
     assert np.isfinite(pool[0]) and np.isnan(pool[-1])
-    told = "\n".join(answers(tmp_path, case))
-    assert "leaves the machine (500 mm) with liquid" in told and "pool is longest" in told
-    assert "pool is longest within the machine at" in told  # it was longer where it left
-    assert "faster" in told
+    text = "\n".join(answers(tmp_path, case))
+    assert "leaves the machine (500 mm) with liquid" in text and "pool is longest" in text
+    assert "pool is longest within the machine at" in text  # it was longer where it left
+    assert "faster" in text
 
 
 class Halted(Progress):
-    """Ends the process, as it were, when it has been told so often."""
+    """Progress display that raises an error at a given call."""
 
     def __init__(self, after: int, error: type[BaseException]) -> None:
         super().__init__(-1)
@@ -126,7 +126,7 @@ class Halted(Progress):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a caster that was not cut short."""
+    """Return the folder of an uninterrupted caster."""
     folder = tmp_path_factory.mktemp("whole")
     run_caster(caster(), folder)
     return folder
@@ -134,7 +134,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("error", [RuntimeError, Stopped])
 @pytest.mark.parametrize("after", [3, 8, 40])
-def test_what_was_cut_short_goes_on_to_the_same_files(
+def test_interrupted_caster_resumes_to_the_same_files(
     after: int, error: type[BaseException], whole: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(error):
@@ -142,7 +142,7 @@ def test_what_was_cut_short_goes_on_to_the_same_files(
             caster(), tmp_path / "cut", progress=Halted(after, error),
             save_every=0.0 if error is RuntimeError else 1e9,
         )  # fmt: skip
-    if error is Stopped:  # saved as it was left, in the midst of an instant
+    if error is Stopped:  # saved within an instant
         assert RunRecord.load(tmp_path / "cut").status == "interrupted"
         assert (tmp_path / "cut" / "checkpoint.h5").is_file()
     run_caster(caster(), tmp_path / "cut", resume=True)
@@ -152,10 +152,10 @@ def test_what_was_cut_short_goes_on_to_the_same_files(
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_disk_that_is_full_between_two_tables(
+def test_disk_that_fills_between_two_tables(
     name: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The instant is taken back from all tables, and the balance is not counted twice."""
+    """The instant is removed from all tables, and the balance is not counted twice."""
     append, left = GrowingTable.append, [9]
 
     def full(table: GrowingTable, rows: Any) -> None:
@@ -174,9 +174,7 @@ def test_a_disk_that_is_full_between_two_tables(
         assert (whole / one).read_bytes() == (tmp_path / "cut" / one).read_bytes(), one
 
 
-def test_a_full_disk_ends_the_command_and_leaves_the_last_checkpoint(
-    whole: Path, tmp_path: Path
-) -> None:
+def test_full_disk_keeps_the_last_checkpoint(whole: Path, tmp_path: Path) -> None:
     path, size = _written(caster(), tmp_path), (whole / "checkpoint.h5").stat().st_size
     with pytest.raises(Stopped):
         run_caster(caster(), tmp_path / "out", progress=Halted(20, Stopped))
@@ -198,29 +196,29 @@ def test_a_full_disk_ends_the_command_and_leaves_the_last_checkpoint(
         assert (whole / one).read_bytes() == (tmp_path / "out" / one).read_bytes(), one
 
 
-def test_mechanics_go_on_to_the_same_files(tmp_path: Path) -> None:
+def test_mechanics_resume_to_the_same_files(tmp_path: Path) -> None:
     case = caster(STRAINED, STOP)
     run_caster(case, tmp_path / "whole")
     strand, units, _ = read_table(tmp_path / "whole" / "strand.csv")
     assert units["von_mises_max"] == "MPa" and strand["von_mises_max"].max() > 1.0
     numbers, _, _ = read_table(tmp_path / "whole" / "caster.csv")
-    assert np.abs(numbers["energy_error"]).max() < 1e-9  # liquid that is fed brings heat along
+    assert np.abs(numbers["energy_error"]).max() < 1e-9  # fed liquid brings heat
     with pytest.raises(Stopped):
         run_caster(case, tmp_path / "cut", progress=Halted(12, Stopped))
-    assert 1.0 < RunRecord.load(tmp_path / "cut").reached["time"] < 2.1  # the strand stands
+    assert 1.0 < RunRecord.load(tmp_path / "cut").reached["time"] < 2.1  # the strand is at rest
     run_caster(case, tmp_path / "cut", resume=True)
     for name in FILES:
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "cut" / name).read_bytes()
 
 
-def test_a_checkpoint_of_another_caster_is_refused(tmp_path: Path) -> None:
+def test_checkpoint_of_another_caster_is_refused(tmp_path: Path) -> None:
     run_caster(caster(), tmp_path)
     other = caster(plant={"speed": ["3.6 m/min", "3.6 m/min", "1.3 m/min", "2 m/min"]})
     with pytest.raises(InputError, match=r"belongs to another case .caster.plant.speed"):
         run_caster(other, tmp_path, resume=True)
 
 
-def test_a_checkpoint_of_an_earlier_castfem_is_refused(
+def test_checkpoint_of_an_earlier_castfem_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_caster(caster(), tmp_path)
@@ -234,7 +232,7 @@ def test_a_checkpoint_of_an_earlier_castfem_is_refused(
         run_caster(caster(), tmp_path, resume=True)
 
 
-def test_a_stop_is_followed(tmp_path: Path) -> None:
+def test_stop_is_followed(tmp_path: Path) -> None:
     plant = {"time": ["0 s", "1 s", "1.1 s", "3 s", "3.1 s", "9 s"],
              "speed": ["3.6 m/min", "3.6 m/min", "0 m/min", "0 m/min", "3.6 m/min", "3.6 m/min"],
              "superheat": None, "mould_heat": None, "event": None}  # fmt: skip
@@ -276,7 +274,7 @@ REFUSED: list[tuple[Mapping[str, Any], Mapping[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changes", "plant", "message"), REFUSED)
-def test_what_is_refused(
+def test_invalid_input_is_rejected(
     changes: Mapping[str, Any], plant: Mapping[str, Any], message: str
 ) -> None:
     with pytest.raises(InputError, match=message) as error:
@@ -284,11 +282,11 @@ def test_what_is_refused(
     assert all("\n" not in line for line in error.value.problems)
 
 
-def test_water_that_is_off_is_told(tmp_path: Path) -> None:
+def test_water_that_is_off_gives_a_warning(tmp_path: Path) -> None:
     spray = {"law": "spray", "correlation": "nozaki", "water_temperature": "25 degC"}
     ring = {"name": "ring", "to": "300 mm", "surface": [{**spray, "flow": "2 L/min"}]}
-    told = "caster.plant: 'ring' has no water at 4 s, and the strand moves"
-    for last, speed, found in (("0 L/min", "1 m/min", [told]), ("0 L/min", "0 m/min", [])):
+    warning = "caster.plant: 'ring' has no water at 4 s, and the strand moves"
+    for last, speed, found in (("0 L/min", "1 m/min", [warning]), ("0 L/min", "0 m/min", [])):
         speeds = ["1 m/min", speed, "1 m/min", "1 m/min"]
         plant = {"ring": ["2 L/min", last, "2 L/min", "2 L/min"], "speed": speeds}
         plant["mould_heat"] = []  # left out
@@ -299,7 +297,7 @@ def test_water_that_is_off_is_told(tmp_path: Path) -> None:
         ]
 
 
-def test_what_a_run_of_it_cannot_do() -> None:
+def test_demand_of_a_run_is_estimated() -> None:
     mesh = build_mesh(caster()).vertices
     with pytest.raises(CaseError, match=r"caster: the table is missing; add \[caster\] with"):
         demand(caster().model_copy(update={"caster": None}), mesh)
@@ -315,7 +313,7 @@ def test_what_a_run_of_it_cannot_do() -> None:
     assert found is not None and int(found[1]) == 587 and int(found[2]) > 300
 
 
-def test_a_history_in_a_file(tmp_path: Path) -> None:
+def test_history_in_a_file(tmp_path: Path) -> None:
     lines = ["time [min],speed [m/min],superheat [K],event", "0,3.6,40,", "0.15,3.6,20,new, ladle"]
     (tmp_path / "plant.csv").write_text("\n".join(lines).replace("new, ladle", '"new, ladle"'))
     columns = {"file": str(tmp_path / "plant.csv")}
@@ -340,13 +338,15 @@ def _written(case: Any, folder: Path) -> Path:
     return path
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_prints_and_writes_results(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path, folder = _written(caster(), tmp_path), tmp_path / "out"
     assert execute(["caster", str(path), "-o", str(folder), "--units", "si"]) == 0
-    told = capsys.readouterr()
-    assert "15 slices, 6 at once, 19 instants; about 1" in told.err
-    assert "leaves the machine (0.2 m) with liquid at 19 of 19 instants" in told.out
-    assert "4 s: ladle change" in told.out and f"in {folder}" in told.out
+    printed = capsys.readouterr()
+    assert "15 slices, 6 at once, 19 instants; about 1" in printed.err
+    assert "leaves the machine (0.2 m) with liquid at 19 of 19 instants" in printed.out
+    assert "4 s: ladle change" in printed.out and f"in {folder}" in printed.out
     assert (folder / "figures" / "strand_over_time.png").read_bytes().startswith(b"\x89PNG")
     assert execute(["show", str(folder)]) == 0 and "200 mm" in capsys.readouterr().out
     for words in (["compare"], ["report"]):
@@ -362,7 +362,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert execute(["check", str(path)]) == 0 and "caster: 15 slices" in capsys.readouterr().out
 
 
-def test_a_single_run_does_not_look_at_it(tmp_path: Path) -> None:
+def test_single_run_ignores_the_table(tmp_path: Path) -> None:
     case = caster()
     assert case.physics_hash() == case.model_copy(update={"caster": None}).physics_hash()
     assert MPI.COMM_WORLD.size == 1

@@ -1,4 +1,4 @@
-"""The strand of a caster at moments, at fixed places, in maps, words and on its page."""
+"""The strand of a caster at moments, at fixed places, in maps, in text and on its page."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PYROMETERS = [
     {"name": "edge", "at": "60 mm", "on": "corner"},
 ]
 SHORT = {"time": ["0 s", "0.5 s", "1 s", "2 s"], "event": None}
-ASKED = {
+REQUESTED = {
     "caster.pyrometer": PYROMETERS,
     "caster.moments": ["0 s", "4.2 s", "9 s"],
     "caster.cut": "0.1 m",
@@ -46,13 +46,13 @@ ASKED = {
 
 @pytest.fixture(scope="module")
 def looked_at(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, Path]:
-    """A caster of which all is asked, and its folder."""
-    case, folder = caster(ASKED), tmp_path_factory.mktemp("looked_at")
+    """Return a caster with all kinds of records, and its folder."""
+    case, folder = caster(REQUESTED), tmp_path_factory.mktemp("looked_at")
     run_caster(case, folder)
     return case, folder
 
 
-def test_a_pyrometer_sees_each_slice_as_it_passes(looked_at: Any, tmp_path: Path) -> None:
+def test_pyrometer_records_each_slice_as_it_passes(looked_at: Any, tmp_path: Path) -> None:
     case, folder = looked_at
     seen, units, words = read_table(folder / "pyrometers.csv")
     assert units["surface_temperature"] == "degC" and units["time"] == "s"
@@ -60,7 +60,7 @@ def test_a_pyrometer_sees_each_slice_as_it_passes(looked_at: Any, tmp_path: Path
     assert (np.diff(seen["time"]) >= 0.0).sum() > 0.8 * len(seen["time"])
     number = 9
     run = castfem.run(slice_of(by_plant(case), starts_of(case)[number - 1]), tmp_path)
-    history = read_columns(tmp_path / "history.csv")  # all steps of that slice by itself
+    history = read_columns(tmp_path / "history.csv")  # all steps of that slice
     for name, column, place in (("exit", "mid_face", 0.15), ("edge", "corner", 0.06)):
         (i,) = np.flatnonzero((seen["slice"] == number) & (np.array(words["pyrometer"]) == name))
         assert seen["position"][i] == place
@@ -70,7 +70,7 @@ def test_a_pyrometer_sees_each_slice_as_it_passes(looked_at: Any, tmp_path: Path
         assert seen["surface_temperature"][i] == pytest.approx(expected, abs=1e-3)
 
 
-def test_moments_are_the_slices_and_what_lies_between(looked_at: Any) -> None:
+def test_moments_are_interpolated_between_the_slices(looked_at: Any) -> None:
     _, folder = looked_at
     listed = ET.parse(folder / "strand.pvd").getroot().iter("DataSet")
     assert [float(one.attrib["timestep"]) for one in listed] == [0.0, 4.5, 9.0]
@@ -87,8 +87,8 @@ def test_moments_are_the_slices_and_what_lies_between(looked_at: Any) -> None:
     assert spans == pytest.approx([0.05, 0.05], abs=1e-6)  # a quarter of the billet of 100 mm
 
 
-def test_the_strand_of_a_moment_begins_at_the_meniscus(looked_at: Any, tmp_path: Path) -> None:
-    """As it is poured then; where it stands, or has a tail, at its youngest slice."""
+def test_strand_of_a_moment_begins_at_the_meniscus(looked_at: Any, tmp_path: Path) -> None:
+    """There it is as poured; at a stop, or with a tail, it begins at its youngest slice."""
     case, folder = looked_at
     strand, _, _ = read_table(folder / "strand.csv")
     youngest = strand["position"][strand["clock"] == 4.5].min()
@@ -98,7 +98,7 @@ def test_the_strand_of_a_moment_begins_at_the_meniscus(looked_at: Any, tmp_path:
     assert youngest > 0.01 and len(poured) > 10
     assert poured == pytest.approx(case_steel(case).liquidus + 30.0, abs=1e-3)  # half way, 4 to 5 s
     between = (position > 0.0) & (position < youngest - 1e-6)
-    assert not between.any()  # it is less than 0.1 m
+    assert not between.any()  # the distance is less than 0.1 m
     for name, more in (
         ("stop", caster({"caster.moments": ["1.5 s"], "caster.end": "2 s"}, STOP)),
         ("tail", caster({"caster.moments": ["1.5 s"], "caster.cast_until": "1 s"}, SHORT)),
@@ -110,21 +110,21 @@ def test_the_strand_of_a_moment_begins_at_the_meniscus(looked_at: Any, tmp_path:
         assert mesh.point_data["position"].min() == pytest.approx(youngest, abs=1e-6) != 0.0
 
 
-def test_a_stop_changes_nothing_of_it(looked_at: Any, tmp_path: Path) -> None:
+def test_stop_does_not_change_the_records(looked_at: Any, tmp_path: Path) -> None:
     _, folder = looked_at
     with pytest.raises(Stopped):
-        run_caster(caster(ASKED), tmp_path, progress=Halted(43, Stopped))
-    run_caster(caster(ASKED), tmp_path, resume=True)
+        run_caster(caster(REQUESTED), tmp_path, progress=Halted(43, Stopped))
+    run_caster(caster(REQUESTED), tmp_path, resume=True)
     names = ["pyrometers.csv", "strand.pvd", "strand.csv"]
     names += [f"moments/{path.name}" for path in (folder / "moments").iterdir()]
     for name in names:
         assert (folder / name).read_bytes() == (tmp_path / name).read_bytes(), name
-    run_caster(caster(), tmp_path)  # of another case: nothing of the one before is left
+    run_caster(caster(), tmp_path)  # another case: all earlier records are removed
     assert not any((tmp_path / name).exists() for name in ("pyrometers.csv", "strand.pvd"))
     assert not list((tmp_path / "moments").iterdir())
 
 
-def test_a_bent_strand_lies_where_its_machine_has_it(tmp_path: Path) -> None:
+def test_bent_strand_follows_its_machine(tmp_path: Path) -> None:
     segments = [
         {"rolls": 1, "pitch": "200 mm", "diameter": "120 mm"},
         {"rolls": 4, "pitch": "200 mm", "diameter": "120 mm", "radius": "3 m"},
@@ -152,7 +152,7 @@ def test_a_bent_strand_lies_where_its_machine_has_it(tmp_path: Path) -> None:
     assert (np.diff(points[0, :, 0]) > 0.0).all()
 
 
-def test_moments_of_a_strand_that_goes_straight_down_stand_side_by_side(looked_at: Any) -> None:
+def test_moments_of_a_straight_strand_are_side_by_side(looked_at: Any) -> None:
     case, folder = looked_at
     figure = moments_figure(folder, case)
     figure.draw_without_rendering()  # lays it out
@@ -162,7 +162,7 @@ def test_moments_of_a_strand_that_goes_straight_down_stand_side_by_side(looked_a
     assert sum(panel.width for panel in panels) > 0.5  # of the page
 
 
-def test_reheating_is_above_the_coldest_so_far() -> None:
+def test_reheating_is_above_the_lowest_so_far() -> None:
     strand = {
         "slice": np.array([1.0, 2, 1, 2, 1, 1, 3, 3]),
         "clock": np.array([0.0, 0, 2, 2, 1, 3, 2, 3]),
@@ -171,11 +171,11 @@ def test_reheating_is_above_the_coldest_so_far() -> None:
     }  # fmt: skip
     found = reheated(strand, "t", 0.5)
     assert found[[0, 2, 4, 5]].tolist() == [0.0, 50.0, 0.0, 0.0]
-    assert np.isnan(found[[1, 3]]).all()  # what that slice has been before is not known
+    assert np.isnan(found[[1, 3]]).all()  # the earlier state of that slice is not known
     assert found[[6, 7]].tolist() == [0.0, 30.0]  # it has passed the mould between two instants
 
 
-def test_mechanics_are_mapped_where_there_are_any(looked_at: Any) -> None:
+def test_mechanics_are_mapped_if_present(looked_at: Any) -> None:
     _, folder = looked_at
     strand, _, _ = read_table(folder / "strand.csv")
     none, some = np.zeros(len(strand["clock"])), np.linspace(0.0, 9.0, len(strand["clock"]))
@@ -217,28 +217,28 @@ def test_pieces_within_the_band_in_the_straightener() -> None:
     )
 
 
-def test_after_which_event(looked_at: Any) -> None:
+def test_events_before_an_answer_are_named(looked_at: Any) -> None:
     case, folder = looked_at
-    told = answers(folder, case)
-    assert "first at 0 s and last at 9 s" in told[0] and "after" not in told[0]
-    assert "4 s: ladle change" in told
-    between = caster(ASKED, {"time": ["0 s", "3.8 s", "5 s", "9 s"]})  # two looks at the strand
+    lines = answers(folder, case)
+    assert "first at 0 s and last at 9 s" in lines[0] and "after" not in lines[0]
+    assert "4 s: ladle change" in lines
+    between = caster(REQUESTED, {"time": ["0 s", "3.8 s", "5 s", "9 s"]})  # two looks at the strand
     assert "3.8 s: ladle change" in answers(folder, between)
-    later = caster(ASKED, {"time": ["0 s", "9.5 s", "10 s", "11 s"]})
+    later = caster(REQUESTED, {"time": ["0 s", "9.5 s", "10 s", "11 s"]})
     assert not any("ladle change" in line for line in answers(folder, later))
     from castfem.post.report.caster import _after
 
     assert _after(4.0, [(1.0, "a"), (3.5, "b"), (5.0, "c")]) == ", 0.5 s after: b"
 
 
-def test_when_slices_leave_is_told_to_a_microsecond() -> None:
-    """Start and duration of the first add up to 0 s but for rounding."""
+def test_leaving_times_are_rounded_to_a_microsecond() -> None:
+    """Start and duration of the first add up to 0 s up to rounding."""
     left = np.array([-48.0 + 1.2 / 0.025 - 7.1e-15, 13.0])
-    (told,) = _leaving({"left": left, "surface_temperature_corner": np.array([1219.0, 1229.0])})
-    assert told.endswith("from 1219 °C at 0 s to 1229 °C at 13 s")
+    (text,) = _leaving({"left": left, "surface_temperature_corner": np.array([1219.0, 1229.0])})
+    assert text.endswith("from 1219 °C at 0 s to 1229 °C at 13 s")
 
 
-def test_the_page(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_page_contains_the_strand(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:
     _, folder = looked_at
     assert execute(["report", str(folder)]) == 0 and "report.html" in capsys.readouterr().out
     text = (folder / "report.html").read_text()
@@ -249,7 +249,7 @@ def test_the_page(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:
     clocks = np.unique(strand["clock"])
     assert len(data["instants"]) == len(data["heads"]) == len(clocks) == 19
     ends = [-1.0 if end is None else end for end in data["pool"]]
-    assert f'value="{ends.index(max(ends))}"' in text  # it opens where the pool is longest
+    assert f'value="{ends.index(max(ends))}"' in text  # it opens at the longest pool
     rows = np.flatnonzero(strand["clock"] == clocks[12])
     shown = data["instants"][12]
     for name in ("shell_mid_face", "surface_temperature_corner"):
@@ -268,12 +268,12 @@ def test_the_page(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:
         ({"caster.pyrometer": [{"name": "a", "at": "0.1 m"}] * 2}, "'a' appears twice"),
     ],
 )
-def test_what_is_refused(changes: Any, message: str) -> None:
+def test_invalid_input_is_rejected(changes: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         caster(changes)
 
 
-def test_a_place_that_the_surface_lacks(tmp_path: Path) -> None:
+def test_place_missing_on_the_surface_is_refused(tmp_path: Path) -> None:
     case = caster({"caster.pyrometer": [{"name": "a", "at": "0.1 m", "on": "moon"}]})
     with pytest.raises(InputError, match=r"caster.pyrometer.0.on: 'moon': one of mid_face, "):
         run_caster(case, tmp_path)

@@ -1,4 +1,4 @@
-"""A case file, and an engine that writes down what it is asked."""
+"""A case file, and an engine that records its calls."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def case_file(tmp_path):
 
 @pytest.fixture
 def refused(castfem, tmp_path):
-    """What is said of words that end with one and leave all files as they were."""
+    """Return a function that checks a refused command, and returns its message."""
 
     def _refused(*words) -> str:
         write_small(tmp_path)
@@ -39,7 +39,7 @@ def refused(castfem, tmp_path):
 
 @pytest.fixture
 def engine(monkeypatch):
-    """Stand in for run and show; `engine.calls` holds the calls, `engine.raises` an error."""
+    """Replace run and show; `engine.calls` has the calls, `engine.raises` an error to raise."""
     stand_in = types.SimpleNamespace(calls=[], raises=None)
 
     def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):

@@ -1,4 +1,4 @@
-"""The commands that do not run: check, cases, init, schema, show, mesh, material, and mistakes."""
+"""Commands without a run: check, cases, init, schema, show, mesh, material, and mistakes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_check_of_a_shipped_case(castfem):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_an_output_that_takes_no_more_is_told_in_one_line():
+def test_full_output_is_reported_in_one_line():
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "castfem.cli", "cases"], stdout=full, stderr=-1, text=True
@@ -43,8 +43,8 @@ def test_an_output_that_takes_no_more_is_told_in_one_line():
     assert done.stderr == "castfem: what is printed: No space left on device; free some space\n"
 
 
-def test_letters_that_the_terminal_has_not(tmp_path):
-    """The rules of tables are no letters of ISO 8859-1."""
+def test_characters_missing_in_the_terminal(tmp_path):
+    """The rules of tables are not in ISO 8859-1."""
     known = os.environ | {"PYTHONIOENCODING": "iso-8859-1"}
     words = [sys.executable, "-m", "castfem.cli", "mould", "billet125/taper_1", "-o", "m.png"]
     done = subprocess.run(words, capture_output=True, env=known, cwd=tmp_path)
@@ -53,7 +53,7 @@ def test_letters_that_the_terminal_has_not(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ("thermal.solver.foo=1", "solver option 'foo': "),
         ("thermal.solver.pc_type=none_such", 'thermal.solver: thermal solver, pc_type = "none_s'),
@@ -61,19 +61,19 @@ def test_letters_that_the_terminal_has_not(tmp_path):
         ("mechanics.solver.pc_factor_mat_solver_type=mumpz", "mechanics.solver: mechanical solver"),
     ],
 )
-def test_check_tells_what_petsc_does_not_take(castfem, change, said):
+def test_check_reports_options_refused_by_petsc(castfem, change, message):
     outcome = castfem("check", "billet125/idealised", "--set", change)
     assert outcome.status == 1 and outcome.err.startswith("castfem: --set: ")
-    assert said in outcome.err and len(outcome.err.splitlines()) == 1
+    assert message in outcome.err and len(outcome.err.splitlines()) == 1
 
 
-def test_check_takes_what_petsc_takes(castfem):
+def test_check_accepts_options_of_petsc(castfem):
     sound = ("thermal.solver.pc_type=lu", "mechanics.solver.pc_factor_mat_solver_type=mumps")
     changes = [word for one in sound for word in ("--set", one)]
     assert castfem("check", "billet125/idealised", "-q", *changes).status == 0
 
 
-def test_check_tells_all_problems_the_steels_too(castfem, case_file):
+def test_check_reports_all_problems_of_the_steel_too(castfem, case_file):
     case_file.write_text(case_file.read_text().replace("carbon_042", "carbon_42") + "colour = 1\n")
     outcome = castfem("check", case_file, "--set", "casting.speed=3 m")
     assert outcome.status == 1
@@ -85,14 +85,14 @@ def test_check_tells_all_problems_the_steels_too(castfem, case_file):
     assert any("output.colour: unknown key (1)" in line for line in lines)
 
 
-def test_cases_lists_what_can_be_run(castfem):
+def test_cases_lists_runnable_cases(castfem):
     outcome = castfem("cases")
     assert outcome.status == 0
     assert re.search(r"billet125/idealised +125 mm billet, idealised mould", outcome.out)
     assert "base" not in outcome.out
 
 
-def test_init_writes_a_case_that_is_sound(castfem):
+def test_init_writes_a_valid_case(castfem):
     outcome = castfem("init", "bloom_small")
     assert outcome.status == 0
     assert "castfem run bloom_small.toml" in outcome.out
@@ -110,7 +110,7 @@ def test_init_without_a_name(castfem, tmp_path, monkeypatch, name):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_is_wrong_with_a_steel_names_where_it_was_written(castfem, case_file):
+def test_fault_of_a_steel_names_its_source(castfem, case_file):
     outcome = castfem("check", case_file, "--set", "steel.overrides={density=3}")
     assert outcome.status == 1
     assert outcome.err.startswith("castfem: --set: steel.overrides.density: ")
@@ -124,7 +124,7 @@ def test_schema(castfem):
     assert castfem("schema", "--markdown").out == markdown_page()
 
 
-def test_weight_percent_of_a_steel_may_have_its_sign(castfem):
+def test_weight_percent_may_have_its_sign(castfem):
     plain, signed = (
         castfem("material", "plain_carbon", "-c", f"C=0.1{sign}", "-c", f"Mn=1.4{sign}")
         for sign in ("", "%")
@@ -135,7 +135,7 @@ def test_weight_percent_of_a_steel_may_have_its_sign(castfem):
     assert 'write it as element=weight percent, such as C=0.42 or C="0.42 %"' in wrong
 
 
-def test_a_steel_without_its_composition_is_told_the_option(castfem):
+def test_missing_composition_is_reported_with_the_option(castfem):
     outcome = castfem("material", "plain_carbon")
     assert outcome.status == 1 and outcome.err.rstrip().endswith(
         "such as C = 0.2, here by -c C=0.2"
@@ -143,7 +143,7 @@ def test_a_steel_without_its_composition_is_told_the_option(castfem):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("check", "billet125/idealized"), "billet125/idealised?"),
         (("init", "nowhere/x"), "cannot be written"),
@@ -153,9 +153,9 @@ def test_a_steel_without_its_composition_is_told_the_option(castfem):
         (("material", "carbon_042", "-c", "C:0.2"), "C=0.42"),
     ],
 )
-def test_what_cannot_be_used_is_told_with_what_can(castfem, words, said):
+def test_unusable_input_is_reported_with_suggestions(castfem, words, message):
     outcome = castfem(*words)
-    assert outcome.status == 1 and said in outcome.err
+    assert outcome.status == 1 and message in outcome.err
 
 
 @pytest.mark.parametrize(
@@ -173,14 +173,14 @@ def test_usage_errors_end_with_one(castfem, words):
     assert outcome.err
 
 
-def test_without_words_the_help_is_printed(castfem):
+def test_help_is_printed_without_arguments(castfem):
     outcome = castfem()
     assert (outcome.status, outcome.err) == (0, "")
     assert outcome.out == castfem("-h").out
 
 
 @pytest.mark.parametrize("name", app.commands)
-def test_the_example_of_a_command_is_understood(castfem, name):
+def test_example_of_a_command_is_valid(castfem, name):
     shown = castfem(name, "--help").out
     example = re.search("^ *Example: castfem (.*?)( > .*)?$", shown, re.MULTILINE)
     called, *words = shlex.split(example[1])
@@ -204,14 +204,14 @@ def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
     first, second = outcome.err.splitlines()
     assert first.startswith("castfem: unexpected ZeroDivisionError: oh (")
     assert first.endswith(", broken)")
-    assert second.endswith("please report it.")  # the command has no -v to repeat it with
+    assert second.endswith("please report it.")  # the command has no -v
     error = AssertionError()
     first = castfem("cases").err.splitlines()[0]
     assert re.fullmatch(r"castfem: unexpected AssertionError \(.*\.py:\d+, broken\)", first)
 
 
 def test_as_a_process(tmp_path):
-    """The same statuses and streams through the real entry."""
+    """The same exit status and streams through the real entry point."""
     command = [sys.executable, "-m", "castfem.cli"]
     good = subprocess.run(
         [*command, "check", "billet125/idealised"], cwd=tmp_path, capture_output=True, text=True
@@ -260,7 +260,7 @@ def test_mesh_that_cannot_be_built(castfem, case_file):
         ("material", "plain_carbon"),
     ],
 )
-def test_a_picture_of_no_format_is_refused_before_anything_is_told(castfem, words):
+def test_picture_without_a_format_is_refused_first(castfem, words):
     outcome = castfem(*words, "-o", "picture")
     assert (outcome.status, outcome.out) == (1, "")
     assert (
@@ -277,15 +277,15 @@ def test_a_picture_of_no_format_is_refused_before_anything_is_told(castfem, word
         (("material", "plain_carbon", "-c", "C=0.1"), "plain_carbon.png"),
     ],
 )
-def test_a_picture_goes_into_a_folder_by_its_usual_name(castfem, words, name):
-    """As `-o` of the commands that run something, it may name a folder."""
+def test_picture_in_a_folder_has_its_usual_name(castfem, words, name):
+    """As for commands that run something, `-o` may name a folder."""
     Path("pictures").mkdir()
     outcome = castfem(*words, "-o", "pictures")
     assert outcome.status == 0, outcome.err
     assert (Path("pictures") / name).stat().st_size > 10_000
 
 
-def test_material_freezes_segregated_beside_equilibrium(castfem):
+def test_material_compares_segregation_with_equilibrium(castfem):
     steel = ("material", "plain_carbon", "-c", "C=0.15", "-c", "S=0.01", "-o", "steel.png")
     solidus = []
     for words in ((), ("--segregated",)):
@@ -300,7 +300,7 @@ def test_material_freezes_segregated_beside_equilibrium(castfem):
 
 
 @pytest.mark.parametrize(
-    ("command", "mend"),
+    ("command", "fix"),
     [
         ("optimise", "; the same command continues"),
         ("sensitivity", "; `castfem sensitivity ... --resume` continues"),
@@ -308,17 +308,17 @@ def test_material_freezes_segregated_beside_equilibrium(castfem):
         ("show", ""),
     ],
 )
-def test_what_goes_on_after_an_interrupt_is_told(castfem, monkeypatch, command, mend):
+def test_interrupt_is_reported_with_how_to_continue(castfem, monkeypatch, command, fix):
     def interrupted(**_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("castfem.cli.app.app", interrupted)
     outcome = castfem(command, "billet125/thermal")
-    assert (outcome.status, outcome.err) == (130, f"castfem: interrupted{mend}\n")
+    assert (outcome.status, outcome.err) == (130, f"castfem: interrupted{fix}\n")
 
 
 @pytest.mark.parametrize("error", [EOFError("Ran out of input"), click.Abort()])
-def test_what_nobody_interrupted_is_not_called_interrupted(castfem, monkeypatch, error):
+def test_other_failures_are_not_called_interrupted(castfem, monkeypatch, error):
     def fails():
         raise error
 
@@ -328,8 +328,8 @@ def test_what_nobody_interrupted_is_not_called_interrupted(castfem, monkeypatch,
     assert outcome.err.startswith(f"castfem: unexpected {type(error).__name__}")
 
 
-def test_a_command_ends_without_a_search_for_garbage(tmp_path):
-    """Python would look through all objects several times before the process ends."""
+def test_command_ends_without_garbage_collection(tmp_path):
+    """Python would search all objects several times before the process ends."""
     code = (
         "import atexit, gc, sys; from castfem.cli import main; "
         "atexit.register(lambda: print(len(gc.get_objects()) < 1000 < gc.get_freeze_count())); "

@@ -1,4 +1,4 @@
-"""`castfem compare`: the table, the figures, and what is no run."""
+"""`castfem compare`: the table, the figures, and folders without a run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from castfem.runs.output.summary_file import Comparison, Reference, Summary, Zon
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Two finished runs in one folder."""
+    """Return a folder with two finished runs."""
     root = tmp_path_factory.mktemp("runs")
     case = package.load(write_small(root))
     (root / "small.toml").unlink()
@@ -41,8 +41,8 @@ def test_reference_of_the_unchanged_case_is_left_out(castfem, runs, tmp_path):
         "compare", runs / "cold", tmp_path / "other", "--no-figures", "-o", tmp_path / "both"
     )
     assert "(reference)" in outcome.out
-    told = "references of other are of the unchanged case: cooling.mould.surface.0.wall differs"
-    assert told in " ".join(outcome.out.split())
+    message = "references of other are of the unchanged case: cooling.mould.surface.0.wall differs"
+    assert message in " ".join(outcome.out.split())
     rows = list(csv.reader((tmp_path / "both" / "compare.csv").open()))
     assert rows[0] == ["quantity", "unit", "cold", "cold: reference", "other"]
     shown = castfem("show", tmp_path / "other").out
@@ -75,7 +75,7 @@ def test_compare(castfem, runs):
     assert "metallurgical" in again.out or "time" in again.out
 
 
-def test_what_cannot_be_compared(castfem, runs, tmp_path):
+def test_invalid_input_is_rejected(castfem, runs, tmp_path):
     def problem(*words) -> str:
         outcome = castfem("compare", *words)
         assert outcome.status == 1
@@ -99,7 +99,7 @@ def test_what_cannot_be_compared(castfem, runs, tmp_path):
         (("--table", "runs.csv"), ("slow & steady", "fast")),
     ],
 )
-def test_sweep_stands_for_its_runs(castfem, tmp_path, words, names):
+def test_sweep_represents_its_runs(castfem, tmp_path, words, names):
     write_small(tmp_path)
     (tmp_path / "runs.csv").write_text("name,speed [m/min]\nslow & steady,3\nfast,4\n")
     swept = castfem("sweep", "small", *words, "--set", "length=20 mm", "-j", 1, "-o", "out")
@@ -121,15 +121,15 @@ def test_worst_places_and_defects_of_each_run(tmp_path):
         case = package.load(f"slab1200/{name}")
         (folder / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
         runs.append(Run(folder, name, Summary(name, "finished", {})))
-        told = [one.partition(": ") for one in remarks(runs, runs[0], [])]
-        assert [text for who, _, text in told if who == f"defects of {name}"] == defects
-        worst = [text for who, _, text in told if who == f"worst of {name}"]
+        printed_lines = [one.partition(": ") for one in remarks(runs, runs[0], [])]
+        assert [text for who, _, text in printed_lines if who == f"defects of {name}"] == defects
+        worst = [text for who, _, text in printed_lines if who == f"worst of {name}"]
         assert worst[0] == "I1 30 MPa, intrados, corner, 2.12 m (roll 8), 106.2 s, straightening"
         assert len(worst) == 2 and worst[1].startswith("I2 20e-5 1/s, ")
 
 
 def _in_the_mould(folder: Path, name: str, heat: float, reference: Reference, end: float) -> Run:
-    """A run whose size falls by 1 mm in the 0.6 m of a mould, and goes on falling below it."""
+    """Write a run whose size falls by 1 mm in the 0.6 m of a mould, and continues to fall below."""
     (folder / name).mkdir()
     columns = [("time", "s"), ("position", "m"), ("size_corner", "mm")]
     with History(folder / name / "history.csv", columns) as history:
@@ -145,34 +145,34 @@ def _in_the_mould(folder: Path, name: str, heat: float, reference: Reference, en
     )
 
 
-def test_bounds_are_marked_and_told_as_met_or_missed(tmp_path):
+def test_bounds_are_marked_and_met_or_missed(tmp_path):
     def bound(value: float, kind: str, note: str = "") -> Reference:
         return Reference("heat_removed_slice", value, "kJ", "thesis", kind=kind, note=note)
 
     note = "99 %; our share: castfem compare"
-    made = [
+    runs = [
         _in_the_mould(tmp_path, "idealised", 136e3, bound(142e3, "value"), 0.7),
         _in_the_mould(tmp_path, "taper", 135e3, bound(140.58e3, "at_least", note), 0.7),
         _in_the_mould(tmp_path, "straight", 124e3, bound(133.48e3, "at_most"), 0.7),
     ]
-    table = lines(made, made[0])
+    table = lines(runs, runs[0])
     (heat,) = (line for line in table if line.unit == "kJ")
     (share,) = (line for line in table if line.unit == SHARE)
     assert [heat.verdict(i) for i in range(3)] == [None, False, True]
     assert [share.verdict(i) for i in range(3)] == [None, True, True]
-    told = "\n".join(remarks(made, made[0], table))
-    assert "bounds met: heat (straight); heat, % of base (taper, straight)\n" in told
-    assert "bounds missed: heat (taper by 5.58 kJ)\n" in told
-    assert "note (taper) heat: 99 %" in told.splitlines()
-    (row,) = (row for row in table_of(made, table).rows if row[0] == "heat" and row[1] == "kJ")
+    printed_lines = "\n".join(remarks(runs, runs[0], table))
+    assert "bounds met: heat (straight); heat, % of base (taper, straight)\n" in printed_lines
+    assert "bounds missed: heat (taper by 5.58 kJ)\n" in printed_lines
+    assert "note (taper) heat: 99 %" in printed_lines.splitlines()
+    (row,) = (row for row in table_of(runs, table).rows if row[0] == "heat" and row[1] == "kJ")
     assert list(row[2:]) == ["136 (142)", "135 (≥ 140.6)", "124 (≤ 133.5)"]
-    rows = list(csv.reader(csv_table(made, table).csv().splitlines()))
+    rows = list(csv.reader(csv_table(runs, table).csv().splitlines()))
     assert rows[0][-3:] == ["straight", "straight: reference", "straight: bound"]
     (row,) = (row for row in rows if row[1] == "kJ")
     assert row[2:] == ["136", "142", "135", "140.58", "at_least", "124", "133.48", "at_most"]
 
 
-def test_shares_are_judged_by_an_idealised_mould_of_the_same_length_alone(tmp_path):
+def test_shares_need_an_idealised_mould_of_equal_length(tmp_path):
     def bound(value: float, kind: str = "at_least") -> Reference:
         return Reference("heat_removed_slice", value, "kJ", "thesis", kind=kind)
 
@@ -183,24 +183,24 @@ def test_shares_are_judged_by_an_idealised_mould_of_the_same_length_alone(tmp_pa
     def share_of(*runs: Run):
         table = lines(runs, runs[0])
         (share,) = (line for line in table if line.unit == SHARE)
-        told = "\n".join(remarks(runs, runs[0], table))
-        return share, [share.verdict(i) for i in range(len(runs))], told
+        printed_lines = "\n".join(remarks(runs, runs[0], table))
+        return share, [share.verdict(i) for i in range(len(runs))], printed_lines
 
-    share, verdicts, told = share_of(ideal, weak, shorter)
+    share, verdicts, printed_lines = share_of(ideal, weak, shorter)
     assert verdicts == [None, False, None]
-    assert "heat, % of base (weak by 9.0 points)" in told
+    assert "heat, % of base (weak by 9.0 points)" in printed_lines
     assert share.ours == pytest.approx((100.0, 90.0, 90.0))
     titled = replace(ideal, label="mine", summary=replace(ideal.summary, title="Idealised mould"))
     assert share_of(titled, weak)[1] == [None, False]
     other = replace(titled, summary=replace(ideal.summary, title="taper"))
-    share, verdicts, told = share_of(other, weak)
+    share, verdicts, printed_lines = share_of(other, weak)
     assert verdicts == [None, None]
-    assert SHARE not in told
+    assert SHARE not in printed_lines
     assert share.ours == pytest.approx((100.0, 90.0))
 
 
 @pytest.mark.parametrize(("end", "places"), [(0.6, (200, 400)), (0.9, (200, 400, 600))])
-def test_sizes_are_shown_on_the_way_through_the_mould(tmp_path, end, places):
+def test_sizes_are_shown_along_the_mould(tmp_path, end, places):
     reference = Reference("heat_removed_slice", 142e3, "kJ", "thesis")
     made = [_in_the_mould(tmp_path, name, 1e5, reference, end) for name in ("one", "two")]
     zones = (Zone("mould", 0.0, 0.6), Zone("spray", 0.6, 1.2, whole=False))
@@ -223,7 +223,7 @@ def _synthetic(folder: Path, name: str, scale: float, columns: list[tuple[str, s
 
 
 def test_figures_follow_the_columns(tmp_path):
-    """What both have is drawn, a panel a place, known or not; the rest is left out."""
+    """Columns of both runs are drawn, a panel for each place, known or not; others are left out."""
     both = [
         ("surface_temperature_corner", "degC"),
         ("gap_corner", "mm"),
@@ -247,8 +247,8 @@ def test_figures_follow_the_columns(tmp_path):
     assert rate == pytest.approx(np.full(6, 2e6))
 
 
-def test_what_never_changes_is_not_drawn(tmp_path):
-    """A core that stays liquid, and forces that are the solver's rounding; zeros stay."""
+def test_constant_columns_are_not_drawn(tmp_path):
+    """A core that stays liquid, and forces that are rounding of the solver; zeros are drawn."""
     names = {"temperature_core": "degC", "temperature_max": "degC", "axial_force": "kN"}
     names |= {"shell_corner": "mm", "gap_max": "mm", "gap_corner": "mm"}
     columns = [("time", "s"), ("position", "m"), *names.items()]
@@ -270,8 +270,8 @@ def test_what_never_changes_is_not_drawn(tmp_path):
     assert found == {"temperature": ["max"], "shell": ["corner"], "gap": ["corner", "max"]}
 
 
-def test_references_at_a_place_of_their_own():
-    """Thesis numbers within the strand stand in lines of their own; ratios of theirs, too."""
+def test_references_at_their_own_place():
+    """Thesis values within the strand have their own lines; ratios of them, too."""
 
     def run(name: str, heat: float, expected: float) -> Run:
         quantities = {"heat_removed": Quantity(heat, "kJ/m", "heat removed")}

@@ -1,4 +1,4 @@
-"""`castfem error`: runs, table, and errors beside the results from then on."""
+"""`castfem error`: runs, table, and errors in all later results."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from castfem.runs.output.summary_file import Summary
 from castfem.studies.accuracy.sizes import described, factors_between
 from castfem.studies.accuracy.table import ErrorTable
 
-# With processes it is in test_cli_sweep.py.
+# tests/cli/test_cli_sweep.py runs it with processes.
 pytestmark = pytest.mark.usefixtures("runs_here")
 
 WORDS = ("error", "small", "-j", 1)
@@ -31,8 +31,8 @@ def _quantities(folder: str) -> dict[str, Any]:
     return found
 
 
-def test_errors_stand_beside_the_results(castfem, tmp_path) -> None:
-    """Of the case, of the run of it that there is, and of one that comes later."""
+def test_errors_are_written_into_the_results(castfem, tmp_path) -> None:
+    """Of the case itself, of its existing run, and of a later one."""
     write_small(tmp_path)
     assert castfem("run", "small", "-q").status == 0
     before = _quantities("results/small")
@@ -48,12 +48,12 @@ def test_errors_stand_beside_the_results(castfem, tmp_path) -> None:
     assert "position" not in table.quantities
     for folder in ("results/small_error/base", "results/small"):
         after = _quantities(folder)
-        told = after["surface_temperature_mid_face"].pop("error")
-        assert told == pytest.approx(entry.error())
+        error = after["surface_temperature_mid_face"].pop("error")
+        assert error == pytest.approx(entry.error())
         for name, quantity in after.items():
             assert {k: v for k, v in quantity.items() if k != "error"} == before[name]
     kelvin = Summary.load("results/small")
-    assert kelvin.quantities["surface_temperature_mid_face"].error == pytest.approx(told)
+    assert kelvin.quantities["surface_temperature_mid_face"].error == pytest.approx(error)
     shown = castfem("show", "results/small").out
     assert " ± " in next(line for line in shown.splitlines() if "surface" in line)
     again = castfem("run", "small", "-q")
@@ -68,8 +68,8 @@ def test_errors_stand_beside_the_results(castfem, tmp_path) -> None:
     assert any(float(line.split(",")[3] or "nan") > 0.0 for line in lines)
 
 
-def test_what_is_finished_is_not_run_again(castfem, tmp_path) -> None:
-    """Also where it was stopped half way; other sizes of the same case have their errors."""
+def test_finished_runs_are_not_repeated(castfem, tmp_path) -> None:
+    """Also after an interruption; other sizes of the same case have their errors."""
     path = write_small(tmp_path)
     assert castfem(*WORDS, "-o", "out", "-q").status == 0
     first = json.loads(Path("out/error.json").read_text())
@@ -78,7 +78,7 @@ def test_what_is_finished_is_not_run_again(castfem, tmp_path) -> None:
     record = json.loads(Path("out/sweep.json").read_text())
     del record["runs"]["mesh_x0.707"]
     Path("out/sweep.json").write_text(json.dumps(record))
-    assert "6 of 6 runs" in castfem(*WORDS, "-o", "out").err  # it ended, and was not noted
+    assert "6 of 6 runs" in castfem(*WORDS, "-o", "out").err  # it had ended without a record
     Path("out/sweep.json").write_text(json.dumps(record))
     shutil.rmtree("out/mesh_x0.707")
     again = castfem(*WORDS, "-o", "out")
@@ -105,8 +105,8 @@ def test_what_is_finished_is_not_run_again(castfem, tmp_path) -> None:
     assert "casting.superheat: 40 K there" in other.err
 
 
-def test_sizes_that_the_section_refuses_are_told(castfem, tmp_path) -> None:
-    """Cells that would be larger than the billet; the other runs tell what they can."""
+def test_impossible_sizes_are_reported(castfem, tmp_path) -> None:
+    """Cells that would be larger than the billet; the other runs are evaluated."""
     (tmp_path / "small.toml").write_text(SMALL.replace('"12 mm"', '"30 mm"'))
     outcome = castfem(*WORDS, "-o", "out")
     assert outcome.status == 0, outcome.err
@@ -116,8 +116,8 @@ def test_sizes_that_the_section_refuses_are_told(castfem, tmp_path) -> None:
     assert math.isfinite(table.quantities["heat_removed"].error())
 
 
-def test_a_run_with_coarser_cells_by_one_word(castfem, tmp_path) -> None:
-    """Its sizes are in its case; where it was taken up again they would be scaled twice."""
+def test_run_with_coarser_cells_by_one_option(castfem, tmp_path) -> None:
+    """Its case has its sizes; a resumed run would scale them twice."""
     path = write_small(tmp_path)
     words = ("run", "small", "-q", "--set", "casting.length=10 mm", "-o", "out")
     assert castfem(*words, "--accuracy", "coarse").status == 0
@@ -134,8 +134,8 @@ def test_a_run_with_coarser_cells_by_one_word(castfem, tmp_path) -> None:
     assert "--accuracy fein:" in refused.err
 
 
-def test_the_error_of_a_run_with_coarser_cells(castfem, tmp_path) -> None:
-    """The proposed run has each size once; mesh, mould and section take the word likewise."""
+def test_error_of_a_run_with_coarser_cells(castfem, tmp_path) -> None:
+    """The proposed run has each size once; mesh, mould and section take the option, too."""
     path = write_small(tmp_path)
     given = ("--set", "casting.length=10 mm", "--accuracy", "coarse")
     outcome = castfem(*WORDS, *given, "--to", "2%", "-o", "out")
@@ -152,8 +152,8 @@ def test_the_error_of_a_run_with_coarser_cells(castfem, tmp_path) -> None:
     assert described(drawn) == described(base)
 
 
-def test_a_plain_run_knows_nothing_of_it(tmp_path) -> None:
-    """Neither modules nor files."""
+def test_plain_run_loads_no_studies(tmp_path) -> None:
+    """Neither modules nor files of them."""
     write_small(tmp_path)
     script = (
         "import sys; from castfem.cli import execute; "
@@ -183,7 +183,7 @@ def test_bad_input_runs_nothing(refused, words, message) -> None:
     assert message in refused(*words)
 
 
-def test_a_damaged_table_is_told(tmp_path) -> None:
+def test_damaged_table_is_reported(tmp_path) -> None:
     from castfem.base.errors import InputError
 
     path = tmp_path / "error.json"
@@ -192,8 +192,8 @@ def test_a_damaged_table_is_told(tmp_path) -> None:
         ErrorTable.load(path)
 
 
-def test_errors_on_the_way(castfem, tmp_path) -> None:
-    """Where they are asked for and where the mould ends; show, compare and report have them."""
+def test_errors_along_the_strand(castfem, tmp_path) -> None:
+    """At requested places and at the end of the mould; show, compare and report print them."""
     text = SMALL.replace('name = "mould"', 'name = "mould"\nto = "50 mm"')
     below = '\n[[cooling]]\nname = "below"\n\n[thermal.time]'
     slow = text.replace("3.6 m/min", "1 m/min").replace('"50 ms"', '"200 ms"')
@@ -225,7 +225,7 @@ def test_errors_on_the_way(castfem, tmp_path) -> None:
     assert castfem("report", "results/small", "-o", "page.html").status == 0
     page = Path("page.html").read_text()
     assert "±" in page[page.index("thinnest shell") :][:200]
-    told = castfem("show", "results/small_error")
-    assert told.status == 0 and "At 40 mm" in told.out and "from" in told.out
+    result = castfem("show", "results/small_error")
+    assert result.status == 0 and "At 40 mm" in result.out and "from" in result.out
     refused = castfem(*WORDS, "--at", "2 m")
     assert refused.status == 1 and "--at 2000 mm: " in refused.err

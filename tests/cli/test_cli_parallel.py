@@ -1,4 +1,4 @@
-"""Under mpirun: one voice, one exit status, and no rank left behind."""
+"""With mpirun: messages once, one exit status, and no rank left waiting."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def _mpirun(tmp_path: Path, body: str, *words: str, ranks: int = 2):
 RUN = ("run", "billet125/thermal", "-o", "out")
 
 
-def test_one_voice(tmp_path):
-    # Into files: what two ranks print may be mixed in the middle of a line.
+def test_output_is_printed_once(tmp_path):
+    # Written into files: output of two ranks may be mixed in the middle of a line.
     body = "open(f'rank{comm.rank}', 'w').write(str(progress is not None)); return None"
     done = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 0, done.stderr
@@ -62,16 +62,16 @@ def test_ranks_print_without_colours(launcher, monkeypatch):
     assert not console().is_terminal
 
 
-def test_failure_on_all_ranks_is_told_once(tmp_path):
-    """And at once: nobody waits for ranks that have all come."""
+def test_failure_on_all_ranks_is_reported_once(tmp_path):
+    """It is reported at once: no rank waits for ranks that have all arrived."""
     body = "together.PATIENCE = 1e3; raise RunFailure('step too small')"
     done = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 2
     assert done.stderr.count("castfem: step too small") == 1
 
 
-def test_rank_that_fails_alone_ends_all(tmp_path):
-    """The other rank waits for ever in a collective call; nobody hangs, the status is right."""
+def test_failure_of_one_rank_ends_all(tmp_path):
+    """The other rank waits forever in a collective call; the command ends with the right status."""
     body = (
         "together.PATIENCE = 0.5; comm.rank == 0 and comm.Barrier(); "
         "raise RunFailure('lost the mesh')"
@@ -90,17 +90,17 @@ REFUSED = (
 )
 
 
-def test_commands_that_take_all_ranks_have_them_and_are_refused_once(tmp_path):
-    """Rank 0 would wait for ever for others that had gone; last what it does alone."""
+def test_commands_on_all_ranks_are_refused_once(tmp_path):
+    """Otherwise rank 0 would wait forever for ranks that had ended; at last a serial command."""
     refused, check = [words for words, _ in REFUSED], ("check", "billet125/thermal")
     done = python_on(2, *mains(tmp_path, *refused, then=check), timeout=120.0)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("billet125/thermal: valid") == 1
-    for words, told in REFUSED:
-        assert done.stderr.count(told) == 1, (words, done.stderr)
+    for words, message in REFUSED:
+        assert done.stderr.count(message) == 1, (words, done.stderr)
 
 
-def test_a_hot_mould_has_all_ranks_by_either_word(monkeypatch):
+def test_hot_mould_uses_all_ranks_with_either_option(monkeypatch):
     monkeypatch.setattr(parallel, "rank_and_size", lambda: (1, 2))
     monkeypatch.setattr(parallel, "check_launcher", lambda: None)
     for words, status in ((["--hot"], 1), (["--coupled"], 1), ([], 0)):
@@ -114,7 +114,7 @@ OTHER = {"PMI_RANK": "0", "PMI_SIZE": "2"}
 
 
 def _started(words, folder, variables):
-    """Castfem as a launcher that sets up no MPI starts it."""
+    """Start castfem like a launcher that sets up no MPI."""
     strange = ("OMPI_", "PMI", "PRTE_", "SLURM_")
     environment = {k: v for k, v in os.environ.items() if not k.startswith(strange)}
     return subprocess.run(
@@ -130,8 +130,8 @@ def _started(words, folder, variables):
         (OTHER, "the launcher has started 2 processes", "start castfem by the mpirun of"),
     ],
 )
-def test_tasks_that_no_mpi_connects_are_refused(tmp_path, variables, cause, fix):
-    """Each would do the whole run, in the same folder. The first says so, and the others end."""
+def test_tasks_without_mpi_are_refused(tmp_path, variables, cause, fix):
+    """Each would do the full run in the same folder. The first reports it, and the others end."""
     for number in ("0", "1"):
         of_task = {k: number if k.endswith(("PROCID", "RANK")) else v for k, v in variables.items()}
         done = _started(RUN, tmp_path, of_task)
@@ -142,8 +142,8 @@ def test_tasks_that_no_mpi_connects_are_refused(tmp_path, variables, cause, fix)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_batch_script_is_no_rank(tmp_path):
-    """It has the variables of a job of two tasks, and is one process."""
+def test_batch_script_is_no_rank(tmp_path):
+    """It has the variables of a job of two tasks, and is a single process."""
     words = ("sweep", "billet125/thermal", "--set", "casting.length=1 mm,2 mm", "-o", "out")
     done = _started((*words, "--ranks", "2"), tmp_path, BATCH)
     assert done.returncode == 1
@@ -154,8 +154,8 @@ def test_a_batch_script_is_no_rank(tmp_path):
     assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "finished"
 
 
-def test_ranks_that_no_message_reaches_end_with_a_word(tmp_path):
-    """MPI may be set up and hang at the first message; here one rank never comes to it."""
+def test_unreachable_ranks_end_with_a_message(tmp_path):
+    """MPI may be set up and hang at the first message; here one rank never reaches it."""
     script = tmp_path / "castfem_script.py"
     script.write_text(
         "import sys, time\nfrom mpi4py import MPI\nfrom castfem.cli import main, parallel\n"

@@ -1,4 +1,4 @@
-"""`castfem run` with an engine that only writes down what it is asked."""
+"""`castfem run` with an engine that only records its calls."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from castfem.base.errors import CaseError, InputError, RunFailure
 
 
-def test_run_hands_over_the_case(castfem, engine, case_file):
+def test_run_passes_the_case_on(castfem, engine, case_file):
     outcome = castfem("run", case_file, "--set", "casting.speed=3 m/min", "-o", "out", "--profile")
     assert outcome.status == 0, outcome.err
     (call,) = engine.calls
@@ -24,7 +24,7 @@ NEW = {"run": ("-o", "other"), "check": ()}
 
 
 @pytest.mark.parametrize("words", [("run", "-q"), ("check",)])
-def test_a_value_that_was_hardly_meant_is_told_and_taken(castfem, engine, case_file, words):
+def test_unlikely_value_gives_a_warning(castfem, engine, case_file, words):
     outcome = castfem(*words, case_file, "--set", "casting.speed=360 m/min")
     assert outcome.status == 0
     (line,) = outcome.err.splitlines()
@@ -32,7 +32,7 @@ def test_a_value_that_was_hardly_meant_is_told_and_taken(castfem, engine, case_f
     assert castfem(*words, case_file, "--set", "casting.speed=6 m/min", *NEW[words[0]]).err == ""
 
 
-def test_figures_are_left_out_if_the_case_says_so(castfem, engine, case_file):
+def test_figures_are_left_out_by_the_case(castfem, engine, case_file):
     outcome = castfem("run", case_file, "-o", "out", "--set", "output.figures=false")
     assert "table of out, figures False" in outcome.out
 
@@ -85,16 +85,16 @@ def test_resume(castfem, engine, case_file):
     assert "mesh.order: 1 there, 2 here" in other.err
 
 
-def _came_to(folder: Path, position: float, status: str) -> None:
-    """Note in a folder how far its run has come, m."""
+def _record_reached(folder: Path, position: float, status: str) -> None:
+    """Record in a folder the position its run has reached, m."""
     record = {"format": "castfem run", "status": status, "reached": {"position": position}}
     (folder / "run.json").write_text(json.dumps(record))
 
 
-def test_a_run_that_has_come_further_is_not_replaced(castfem, engine, case_file):
+def test_run_that_reached_further_is_not_replaced(castfem, engine, case_file):
     words = ("run", case_file, "-o", "out")
     assert castfem(*words).status == 0
-    _came_to(Path("out"), 0.6, "finished")
+    _record_reached(Path("out"), 0.6, "finished")
     shorter = castfem(*words, "--set", "casting.length=50 mm")
     assert (shorter.status, len(engine.calls)) == (1, 1)
     assert shorter.err == (
@@ -108,27 +108,27 @@ def test_a_run_that_has_come_further_is_not_replaced(castfem, engine, case_file)
     assert castfem(*words, "--set", "casting.length=50 mm", "--overwrite").status == 0
 
 
-def test_a_run_that_was_not_finished_is_replaced_with_a_word(castfem, engine, case_file):
+def test_unfinished_run_is_replaced_with_a_warning(castfem, engine, case_file):
     words = ("run", case_file, "-o", "out")
     assert castfem(*words).err == ""
-    _came_to(Path("out"), 0.1, "interrupted")
-    told = castfem(*words)
-    assert told.status == 0
-    assert "had reached 0.1 m" in told.err and "--resume" in told.err
-    _came_to(Path("out"), 0.1, "interrupted")
+    _record_reached(Path("out"), 0.1, "interrupted")
+    outcome = castfem(*words)
+    assert outcome.status == 0
+    assert "had reached 0.1 m" in outcome.err and "--resume" in outcome.err
+    _record_reached(Path("out"), 0.1, "interrupted")
     assert castfem(*words, "--resume").err == ""
 
 
-def test_the_folder_of_a_run_stands_for_its_case(castfem, engine, case_file):
+def test_folder_of_a_run_represents_its_case(castfem, engine, case_file):
     assert castfem("run", case_file, "-o", "out/mine").status == 0
-    _came_to(Path("out/mine"), 0.1, "interrupted")
+    _record_reached(Path("out/mine"), 0.1, "interrupted")
     for named in ("out/mine", "out/mine/case.toml"):
         resumed = castfem("run", "--resume", named)
         assert resumed.status == 0, resumed.err
         assert (engine.calls[-1].folder, engine.calls[-1].resume) == (Path("out/mine"), True)
-    anew = castfem("run", "out/mine")
-    assert (anew.status, len(engine.calls)) == (1, 3)
-    assert "castfem run --resume out/mine" in anew.err and "-o FOLDER" in anew.err
+    again = castfem("run", "out/mine")
+    assert (again.status, len(engine.calls)) == (1, 3)
+    assert "castfem run --resume out/mine" in again.err and "-o FOLDER" in again.err
     assert castfem("run", "out/mine", "-o", "again").status == 0
     assert engine.calls[-1].folder == Path("again")
     assert castfem("check", "out/mine").status == 0
@@ -137,7 +137,7 @@ def test_the_folder_of_a_run_stands_for_its_case(castfem, engine, case_file):
     assert "out: is not the folder of a run" in empty.err
 
 
-def test_a_file_in_the_way(castfem, engine, case_file):
+def test_file_in_place_of_the_folder_is_refused(castfem, engine, case_file):
     Path("out").write_text("mine")
     outcome = castfem("run", case_file, "-o", "out")
     assert outcome.status == 1
@@ -154,7 +154,7 @@ def test_case_of_another_version(castfem, engine, case_file):
 
 
 @pytest.mark.parametrize(
-    ("error", "status", "said"),
+    ("error", "status", "message"),
     [
         (InputError("out: in the way"), 1, "castfem: out: in the way\n"),
         (CaseError("mesh: inverted"), 1, "mine/billet.toml: mesh: inverted\n"),
@@ -163,11 +163,11 @@ def test_case_of_another_version(castfem, engine, case_file):
         (KeyboardInterrupt(), 130, "--resume"),
     ],
 )
-def test_exit_status(castfem, engine, case_file, error, status, said):
+def test_exit_status(castfem, engine, case_file, error, status, message):
     engine.raises = error
     outcome = castfem("run", case_file)
     assert outcome.status == status
-    assert said in outcome.err
+    assert message in outcome.err
     assert "Traceback" not in outcome.err
 
 

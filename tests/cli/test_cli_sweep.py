@@ -1,4 +1,4 @@
-"""`castfem sweep`: runs in parallel, one table, failures of one run; commands that are stopped."""
+"""`castfem sweep`: parallel runs, one table, failures of one run; commands that are stopped."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from castfem.studies.sweep.workers import Workers
 pytestmark = pytest.mark.slow
 
 SPEEDS = ("--set", "speed=3 m/min,4 m/min")
-NEVER = 'thermal.solver={},{ pc_type = "nosuch" }'  # only PETSc knows that it has no such thing
+NEVER = 'thermal.solver={},{ pc_type = "nosuch" }'  # refused only by PETSc
 
 
 def _table(folder: Path) -> list[dict[str, str]]:
@@ -83,7 +83,7 @@ def test_finished_runs_are_not_run_again(castfem, tmp_path):
     assert [row["position [m]"] for row in _table(Path("out"))] == ["0.03", "0.03"]
 
 
-def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
+def test_foreign_table_is_not_overwritten(castfem, tmp_path):
     write_small(tmp_path)
     (tmp_path / "out").mkdir()
     mine = tmp_path / "out" / "sweep.csv"
@@ -98,8 +98,8 @@ def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
 
 
 @pytest.mark.usefixtures("runs_here")
-def test_results_of_another_case_are_not_those_of_this_sweep(castfem, tmp_path):
-    """--overwrite with a changed case, stopped before its first run has ended."""
+def test_results_of_another_case_are_not_used(castfem, tmp_path):
+    """--overwrite with a changed case, stopped before the end of its first run."""
     path = write_small(tmp_path)
     assert castfem("sweep", "small", *SPEEDS, "-j", 1, "-o", "out").status == 0
     base, values = load_case(path), [SPEEDS[1]]
@@ -146,8 +146,8 @@ def test_bad_input_runs_nothing(refused, words, message):
     assert message in refused("sweep", "small", *words)
 
 
-def test_a_process_that_dies_costs_its_run_alone(tmp_path):
-    """The first process is killed when it has taken a step; another one does what is left."""
+def test_killed_process_loses_only_its_run(tmp_path):
+    """The first process is killed after a step; another one does the remaining runs."""
     import castfem
 
     base = castfem.load(write_small(tmp_path)).with_(step="1 ms", length="200 mm")
@@ -163,7 +163,7 @@ def test_a_process_that_dies_costs_its_run_alone(tmp_path):
         if ended or not (tmp_path / "first" / "history.csv").is_file():
             return
         for child in psutil.Process().children():
-            if child.pid in seen:  # a tick ago: it has been sent its run
+            if child.pid in seen:  # since the last tick: it has received its run
                 child.kill()
             elif "spawn_main" in " ".join(child.cmdline()):
                 seen.add(child.pid)
@@ -186,7 +186,7 @@ def _wait_for(path: Path, lines: int) -> None:
     raise AssertionError(f"{path} has not grown")
 
 
-def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path):
+def test_interrupted_sweep_resumes(tmp_path):
     """Each of three signals in turn, to the command and to those that resume it."""
     write_small(tmp_path)
     words = ("sweep", "small", *SPEEDS, "-j", "2", "-o", "out", "--set", "length=60 mm")
@@ -229,9 +229,9 @@ def test_over_ranks(tmp_path):
     words = ("-m", "castfem.cli", "sweep", "small", *SPEEDS, "--set", NEVER, "-o", "out")
     done = python_on(3, *words, folder=tmp_path, timeout=120.0)
     assert done.returncode == 2, done.stderr
-    said = done.stdout + done.stderr  # a busy launcher mixes up the streams of a rank
-    assert said.count("table in out/sweep.csv") == 1
-    assert said.count("castfem: 2 of 4 runs failed") == 1
+    output = done.stdout + done.stderr  # a busy launcher mixes up the streams of a rank
+    assert output.count("table in out/sweep.csv") == 1
+    assert output.count("castfem: 2 of 4 runs failed") == 1
     rows = _table(tmp_path / "out")
     assert sorted(row["status"] for row in rows) == ["failed", "failed", "finished", "finished"]
     for row in rows:
@@ -251,7 +251,7 @@ range = ["2 m/min", "5 m/min"]
 @pytest.mark.parametrize(
     ("command", "number"), [("error", signal.SIGTERM), ("optimise", signal.SIGHUP)]
 )
-def test_a_signal_ends_the_command_with_a_line(
+def test_signal_ends_the_command_with_a_message(
     tmp_path: Path, command: str, number: signal.Signals
 ) -> None:
     slow = SMALL.replace('"60 mm"', '"600 mm"').replace('"50 ms"', '"2 ms"')
@@ -273,8 +273,8 @@ def test_a_signal_ends_the_command_with_a_line(
 
 
 @pytest.mark.usefixtures("runs_here")
-def test_an_error_that_goes_on_says_nothing_of_a_replaced_run(castfem, tmp_path: Path) -> None:
-    """It takes up what was cut short by itself: it has no --resume."""
+def test_continued_error_command_reports_no_replaced_run(castfem, tmp_path: Path) -> None:
+    """It continues interrupted runs itself: it has no --resume."""
     (tmp_path / "small.toml").write_text(SMALL.replace('"60 mm"', '"6 mm"'))
     words = ("error", "small", "-j", 1, "-o", "out")
     assert castfem(*words, "-q").status == 0

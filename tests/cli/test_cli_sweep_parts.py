@@ -1,4 +1,4 @@
-"""A sweep in parts, on groups of ranks, with workers that are killed: the same folders."""
+"""A sweep in parts, on groups of ranks, with killed workers: the same folders."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 ROWS = ("--set", "length=10 mm", "--set", "speed=3 m/min,3.5 m/min,4 m/min")
 NAMES = ("speed_3_m_min", "speed_3.5_m_min", "speed_4_m_min")
 SAME = ("case.toml", "history.csv", "fields.xdmf")
-"""Of a run, what holds neither a time of day (HDF5 has its own) nor how long something took."""
+"""Files of a run without a time of day (HDF5 has its own) and without a duration."""
 
 
 def _results(folder: Path) -> dict[str, object]:
@@ -55,7 +55,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 @pytest.mark.usefixtures("runs_here")
-def test_parts_of_a_script_make_the_whole(castfem, tmp_path) -> None:
+def test_parts_of_a_script_make_the_full_sweep(castfem, tmp_path) -> None:
     """Two tasks at once, as a cluster would start them; then one table of all."""
     write_small(tmp_path)
     whole = castfem("sweep", "small", *ROWS, "-j", 1, "-o", "whole", "-q")
@@ -97,8 +97,8 @@ def test_parts_of_a_script_make_the_whole(castfem, tmp_path) -> None:
     assert "1 of 4 runs" in more.err
 
 
-def test_killed_workers_end_complete(tmp_path) -> None:
-    """Each of the first two runs loses its process once; both go on, and nothing differs."""
+def test_killed_workers_are_replaced(tmp_path) -> None:
+    """Each of the first two runs loses its process once; both are resumed without a difference."""
     base = api.load(write_small(tmp_path)).with_(length="10 mm", step="2 ms")
     variants = plan(base, ["speed=3 m/min,3.5 m/min,4 m/min"])
     killed: set[str] = set()
@@ -131,7 +131,7 @@ def test_killed_workers_end_complete(tmp_path) -> None:
 
 @needs_mpirun
 def test_groups_of_ranks(tmp_path) -> None:
-    """Two groups of two: a row is what two ranks make of its case by themselves."""
+    """Two groups of two: a row is the result of two ranks for its case."""
     write_small(tmp_path)
     words = ("-m", "castfem.cli", "sweep", "small", *ROWS, "--ranks", "2", "-o", "out")
     done = python_on(4, *words, folder=tmp_path, timeout=300.0)
@@ -140,8 +140,8 @@ def test_groups_of_ranks(tmp_path) -> None:
     for name in NAMES:
         assert json.loads((tmp_path / "out" / name / "run.json").read_text())["ranks"] == 2
     case = str(tmp_path / "out" / NAMES[1] / "case.toml")
-    alone = ("-m", "castfem.cli", "run", case, "-q", "-o", "alone")
-    assert python_on(2, *alone, folder=tmp_path, timeout=300.0).returncode == 0
+    single = ("-m", "castfem.cli", "run", case, "-q", "-o", "alone")
+    assert python_on(2, *single, folder=tmp_path, timeout=300.0).returncode == 0
     histories = [tmp_path / where / "history.csv" for where in (f"out/{NAMES[1]}", "alone")]
     assert histories[0].read_bytes() == histories[1].read_bytes()
 
@@ -157,7 +157,7 @@ def test_shares() -> None:
             Share.read(text)
 
 
-def test_groups_that_cannot_be() -> None:
+def test_impossible_groups_are_refused() -> None:
     check_groups(2, 4)
     for ranks, size, message in ((2, 1, "mpirun -n 4"), (2, 3, "mpirun -n 4"), (0, 2, "at least")):
         with pytest.raises(InputError, match=message):
@@ -180,11 +180,11 @@ def test_bad_input_runs_nothing(refused, words, message) -> None:
     assert message in refused("sweep", "small", *ROWS, "-o", "out", *words)
 
 
-def test_accuracy_is_that_of_all_runs(castfem, tmp_path):
-    """As the command of one run has it; a script for SLURM hands it on."""
+def test_accuracy_applies_to_all_runs(castfem, tmp_path):
+    """As for a single run; a script for SLURM passes it on."""
     path = write_small(tmp_path)
-    asked = (sweeping.Options(str(path), None, accuracy=word) for word in ("coarse", "default"))
-    coarse, as_written = (one.case(path) for one in asked)
+    options = (sweeping.Options(str(path), None, accuracy=word) for word in ("coarse", "default"))
+    coarse, as_written = (one.case(path) for one in options)
     factor = factors_of("coarse")[MESH]
     assert factor > 1.0
     assert coarse.mesh.surface_size == pytest.approx(factor * as_written.mesh.surface_size)

@@ -1,4 +1,4 @@
-"""Tensile tests from the command line: check, run, show, and what goes wrong.
+"""Tensile tests on the command line: check, run, show, and mistakes.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -27,8 +27,8 @@ def test_check(castfem):
 
 
 @pytest.mark.parametrize(("name", "test"), list(zip(NAMES, TESTS, strict=True)), ids=NAMES)
-def test_the_five_tests_of_the_thesis(castfem, name, test):
-    """All files of a run; the stress that of the law alone, and its analytical answer."""
+def test_five_tests_of_the_thesis(castfem, name, test):
+    """All files of a run; the stress of the law, and its analytical solution."""
     outcome = castfem("run", f"tensile/{name}", "-o", "out")
     assert outcome.status == 0, outcome.err
     written = {p.relative_to("out").as_posix() for p in Path("out").rglob("*") if p.is_file()}
@@ -94,7 +94,7 @@ def test_what_is_made_of_strands_is_refused_in_one_line(castfem):
 @pytest.mark.parametrize("swing", [75, 125])
 @pytest.mark.parametrize("material", ["norton_hoff_kozlowski", "kozlowski_zhu"])
 def test_eighty_cycles(castfem, swing, material):
-    """Held while it is heated and cooled: the signed laws repeat themselves, the others harden."""
+    """Held while heated and cooled: the signed laws repeat themselves, the others harden."""
     found = {}
     for name in (material, f"{material}_signed"):
         words = (f"tensile.material={name}", "tensile.steps=32", "output.figures=false")
@@ -114,7 +114,7 @@ def test_eighty_cycles(castfem, swing, material):
     assert signed["compression_80"] == pytest.approx(signed["compression_3"], rel=1e-3)
     assert abs(signed["growth"]) < 0.1
     assert plain["growth"] > 30.0
-    # What was strained the other way and back has not hardened: the peak is that of virgin steel.
+    # Strain in the other direction and back does not harden: the peak is that of virgin steel.
     words = (
         f"tensile.material={material}", "tensile.steps=32", "tensile.cycles=1",
         "output.figures=false", 'tensile.temperature.time=["0 s", "3.125 s", "12.5 s"]',
@@ -128,7 +128,7 @@ def test_eighty_cycles(castfem, swing, material):
 
 
 def test_steel_that_relaxes(castfem):
-    """Held at its strain: drawn over time, no analytical answer, the stress falls."""
+    """Held at its strain: plotted over time, no analytical solution, the stress falls."""
     words = ["--set", "tensile.material=kozlowski_zhu", "--set", "tensile.carbon=0.1"]
     hold = 'tensile.segment=[{rate="1e-3 1/s", duration="5 s"}, {rate="0 1/s", duration="60 s"}]'
     outcome = castfem("run", "tensile/constant_rate", "-o", "out", *words, "--set", hold)
@@ -140,8 +140,8 @@ def test_steel_that_relaxes(castfem):
     assert held[-1] < 0.5 * held[0]
 
 
-def test_a_bar_between_walls(castfem):
-    """Held, heated, then cooled a little: pressed until it flows, released elastically (214)."""
+def test_bar_between_walls(castfem):
+    """Held, heated, then cooled a little: compressed until it flows, released elastically (214)."""
     words = []
     for key in (
         'tensile.material={law="perfectly_plastic", yield_stress="20 MPa"}',
@@ -165,7 +165,7 @@ def test_a_bar_between_walls(castfem):
 
 
 @pytest.mark.parametrize(
-    ("assignment", "said"),
+    ("assignment", "message"),
     [
         ("tensile.material=kozlowsky_zhu", "did you mean kozlowski_zhu?"),
         ("tensile.material=kozlowski_zhu", "carbon: is missing"),
@@ -175,16 +175,16 @@ def test_a_bar_between_walls(castfem):
         ("tensile.young=-1 GPa", "tensile.young: must be above 0"),
     ],
 )
-def test_mistakes_end_with_one(castfem, assignment, said):
+def test_mistakes_end_with_one(castfem, assignment, message):
     for command in ("check", "run"):
         outcome = castfem(command, "tensile/constant_rate", "--set", assignment)
         assert outcome.status == 1
-        assert said in outcome.err
+        assert message in outcome.err
         assert outcome.err.count("\n") == 1
     assert not Path("results").exists()
 
 
-def test_no_checkpoint_no_mesh(castfem):
+def test_tensile_test_has_no_checkpoint_and_no_mesh(castfem):
     assert castfem("run", "tensile/softening", "-o", "out", "-q").status == 0
     resumed = castfem("run", "tensile/softening", "-o", "out", "--resume")
     assert resumed.status == 1
@@ -194,8 +194,8 @@ def test_no_checkpoint_no_mesh(castfem):
     assert "is a tensile test" in mesh.err
 
 
-def test_a_failure_keeps_what_was_reached(castfem, monkeypatch):
-    """The law stops answering after 50 steps: status 2, the reason, and 50 good rows."""
+def test_failure_keeps_the_rows_before_it(castfem, monkeypatch):
+    """The law fails after 50 steps: status 2, the reason, and 50 valid rows."""
     from castfem.physics.constitutive import uniaxial
 
     whole = uniaxial._balanced
@@ -234,7 +234,7 @@ def tensile_file(folder: Path) -> Path:
     return path
 
 
-def test_identify_writes_the_law_it_finds(castfem, tmp_path):
+def test_identify_writes_its_law(castfem, tmp_path):
     target = tmp_path / "law.toml"
     outcome = castfem("identify", tensile_file(tmp_path), "-o", target, "--softening", "none")
     assert outcome.status == 0
@@ -247,7 +247,7 @@ def test_identify_writes_the_law_it_finds(castfem, tmp_path):
     np.testing.assert_allclose(found, [0.13, 0.14], atol=1e-3)
 
 
-def test_identify_replaces_no_file_unasked(castfem, tmp_path):
+def test_identify_overwrites_no_file_without_the_option(castfem, tmp_path):
     target = tmp_path / "law.toml"
     target.write_text("mine")
     outcome = castfem("identify", tensile_file(tmp_path), "-o", target, "--softening", "none")
@@ -259,7 +259,7 @@ def test_identify_replaces_no_file_unasked(castfem, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["gleeble.csv", "law.png", "law.toml"]
 
 
-def test_identify_refuses_what_it_cannot_read(castfem, tmp_path):
+def test_identify_refuses_unreadable_input(castfem, tmp_path):
     outcome = castfem("identify", tmp_path / "none.csv")
     assert outcome.status == 1
     assert "none.csv" in outcome.err

@@ -1,4 +1,4 @@
-"""What a shell completes, without heavy imports; the page of the commands is that of today."""
+"""Completion in shells, without heavy imports; the page of the commands is up to date."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HEAVY = ("dolfinx", "petsc4py", "mpi4py", "numba", "scipy", "matplotlib", "panda
 def completed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> Callable[..., list[str]]:
-    """What is offered behind some words, the last of them begun."""
+    """Return a function that completes the last of some words."""
     monkeypatch.chdir(tmp_path)
 
     def offered(*words: str) -> list[str]:
@@ -63,7 +63,7 @@ def test_keys_are_those_of_the_case(completed: Callable[..., list[str]], words: 
     assert completed(*words, "casting.length=2") == []
 
 
-def test_keys_of_a_case_that_is_none(completed: Callable[..., list[str]]) -> None:
+def test_invalid_case_has_no_keys(completed: Callable[..., list[str]]) -> None:
     assert completed("run", "no_such_case", "--set", "casting.") == []
 
 
@@ -76,16 +76,16 @@ def test_each_shell_has_its_part(
     assert f"{VARIABLE}={shell}_complete" in text
     monkeypatch.setenv(VARIABLE, f"{shell}_source")
     assert execute([]) == 0
-    assert capsys.readouterr().out.strip() in text  # click's script as it is
+    assert capsys.readouterr().out.strip() in text  # click's script, unchanged
     assert ("nospace" in text) is (shell == "bash") and ("-S ''" in text) is (shell == "zsh")
 
 
-def test_another_shell_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_shell_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["completion", "csh"]) == 1
     assert capsys.readouterr().err == "castfem: csh: no such shell; there are bash, zsh, fish\n"
 
 
-def test_bash_fills_in_what_is_offered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bash_inserts_the_completion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In bash itself, with a castfem that offers a key."""
     assert execute(["completion", "bash"]) == 0
     (tmp_path / "part").write_text(capsys.readouterr().out)
@@ -97,21 +97,21 @@ def test_bash_fills_in_what_is_offered(tmp_path: Path, capsys: pytest.CaptureFix
         "COMP_WORDS=(castfem run); COMP_CWORD=1; $called ./castfem",
         'echo "${COMPREPLY[@]}"',
     )
-    said = subprocess.run(
+    done = subprocess.run(
         ["bash", "-c", "\n".join(lines)], cwd=tmp_path, capture_output=True, text=True
     )
-    assert said.stdout.splitlines() == ["option nospace", "casting.length="], said.stderr
+    assert done.stdout.splitlines() == ["option nospace", "casting.length="], done.stderr
 
 
-def test_nothing_heavy_is_imported() -> None:
-    asked = {VARIABLE: "bash_complete", "COMP_CWORD": "4"}
-    asked["COMP_WORDS"] = "castfem\nrun\nbillet125/thermal\n--set\ncasting.le"
+def test_no_heavy_module_is_imported() -> None:
+    words = {VARIABLE: "bash_complete", "COMP_CWORD": "4"}
+    words["COMP_WORDS"] = "castfem\nrun\nbillet125/thermal\n--set\ncasting.le"
     code = (
         "import sys; from castfem.cli import execute; execute([]);"
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, **asked}, capture_output=True, text=True
+        [sys.executable, "-c", code], env={**os.environ, **words}, capture_output=True, text=True
     )
     assert done.stdout.split() == ["plain,casting.length=", "[]"], done.stderr
 
@@ -119,5 +119,5 @@ def test_nothing_heavy_is_imported() -> None:
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 
 
-def test_the_page_is_that_of_the_commands() -> None:
-    assert PAGE.read_text(encoding="utf-8") == markdown_page(), "write it anew: make pages"
+def test_page_is_that_of_the_commands() -> None:
+    assert PAGE.read_text(encoding="utf-8") == markdown_page(), "regenerate it: make pages"

@@ -1,4 +1,4 @@
-"""Sections of runs side by side, and sizes on the way through the mould."""
+"""Sections of runs side by side, and sizes along the mould."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from castfem.runs.output.summary_file import Summary
 
 
 @pytest.mark.parametrize("names", [("thermal", "strained"), ("strained", "thermal")])
-def test_a_run_without_mechanics_stands_beside_one_with_it(tmp_path, names):
+def test_run_without_mechanics_is_compared_with_one_with_it(tmp_path, names):
     write_run(tmp_path / "thermal", steps=16)
     (tmp_path / "strained").mkdir()
     write_strained(tmp_path / "strained")
@@ -34,7 +34,7 @@ def test_a_run_without_mechanics_stands_beside_one_with_it(tmp_path, names):
     assert scale.get_ylim() == pytest.approx((0.0, 2.0))
 
 
-def test_the_gap_of_a_shape_is_told_in_a_fitting_unit(tmp_path):
+def test_gap_of_a_shape_has_a_suitable_unit(tmp_path):
     runs = []
     for name, gap in (("shut", 5e-7), ("tight", 4.87e-6), ("loose", 5.5e-4)):
         (tmp_path / name).mkdir()
@@ -51,7 +51,7 @@ def test_the_gap_of_a_shape_is_told_in_a_fitting_unit(tmp_path):
         for run in runs
     ]  # fmt: skip
     titles = [axes.get_title() for axes in draw_sections(below, str)["shape"].axes[:3]]
-    assert titles == ["shut", "tight", "loose"]  # below the mould there is no gap to speak of
+    assert titles == ["shut", "tight", "loose"]  # there is no gap below the mould
 
 
 @pytest.mark.parametrize(

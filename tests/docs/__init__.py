@@ -1,1 +1,1 @@
-"""The manual: a package, for its files have names that others have, too."""
+"""Tests of the manual: a package, because its file names also occur in other folders."""

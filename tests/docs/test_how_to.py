@@ -1,7 +1,7 @@
-"""What the how-tos and "Getting started" show is run: files are written, commands executed.
+"""Examples of the how-tos and "Getting started" are run: files written, commands executed.
 
-By default on coarse cells and short strands (`QUICK`); then output is compared only where a page
-needs no such change. `MANUAL=as_written` runs everything as it stands and compares all output.
+By default on coarse cells and short strands (`QUICK`); output is then compared only if a page needs
+no such change. `MANUAL=as_written` runs everything unchanged and compares all output.
 """
 
 from __future__ import annotations
@@ -76,23 +76,23 @@ QUICK = {
     ("how_to/taper.md", "sweep"): COUPLED,
     **{("my_steel.md", word): COUPLED for word in ("run", "sweep", "sensitivity")},
 }
-# Differences of runs, which versions of the libraries move a little.
+# Differences of runs, which change a little with versions of the libraries.
 ROUGHLY = ("how_to/error.md",)
-# What belongs to the machine: an environment that is there, a batch system that is not.
+# Commands for the machine: an existing environment, a missing batch system.
 NOT_HERE = ("make env", "export PATH=$PWD/.castfem/bin:$PATH")
-# The case that a piece of a case file is of.
+# The case to which a piece of a case file belongs.
 PIECES = {"how_to/locked_roll.md": "slab1200/reference"}
 
 
 def blocks(page: str) -> Iterator[tuple[str, str, str]]:
-    """Kind, file it stands for, if any, and text of each block of a page."""
+    """Yield kind, file name, if any, and text of each block of a page."""
     for before, kind, text in BLOCK.findall((DOCS / page).read_text(encoding="utf-8")):
         named = re.findall(r"`(\w+\.(?:toml|csv))`", before if kind in ("toml", "text") else "")
         yield kind, named[-1] if named else "", text
 
 
 def commands(text: str) -> Iterator[list[str]]:
-    """Words of each command; for a script that is submitted those of the sweep that it does."""
+    """Yield the words of each command; for a submitted script those of its sweep."""
     before: list[str] = []
     for line in text.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
@@ -105,7 +105,7 @@ def commands(text: str) -> Iterator[list[str]]:
 
 
 def shortened(page: str, words: list[str]) -> tuple[list[str], bool]:
-    """A command with other values of keys where it runs a case, and whether its numbers change."""
+    """Return a command with short values of keys if it runs a case, and whether they change."""
     if not AS_WRITTEN and words[1] == "compare":
         return [*words, "--no-figures"], False
     if AS_WRITTEN or words[1] not in ("run", "sweep", "error", "calibrate", "sensitivity"):
@@ -131,7 +131,7 @@ def inline(value: object) -> str:
 
 
 def added(piece: dict[str, object], above: str = "") -> Iterator[str]:
-    """What --set takes to put a piece of a case file into a case: keys of its tables."""
+    """Yield assignments for --set that put a piece of a case file into a case."""
     for key, value in piece.items():
         if isinstance(value, dict):
             yield from added(value, f"{above}{key}.")
@@ -140,10 +140,10 @@ def added(piece: dict[str, object], above: str = "") -> Iterator[str]:
 
 
 def same(said: str, printed: str) -> bool:
-    """Whether two rows of a table of errors agree to a tenth of the error that they state.
+    """Return whether two rows of a table of errors agree to a tenth of their stated error.
 
-    What is far below it, a part of the error or an order of convergence, is as good as rounding:
-    other libraries and processors have other digits.
+    Values far below it, a part of the error or an order of convergence, are only rounding: other
+    libraries and processors have other digits.
     """
     ours, theirs = (re.split(" {2,}", row.strip()) for row in (said, printed))
     if len(ours) != len(theirs) or len(ours) < 4 or ours[::3][:2] != theirs[::3][:2]:
@@ -169,10 +169,10 @@ def test_every_how_to_is_a_page() -> None:
 
 @pytest.mark.usefixtures("runs_here")
 @pytest.mark.parametrize("page", PAGES)
-def test_a_page_does_what_it_says(
+def test_examples_of_a_page_work(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Commands end well, files are sound, and the lines of an output are among those printed."""
+    """Commands succeed, files are valid, and the lines of an output are printed."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
@@ -193,9 +193,9 @@ def test_a_page_does_what_it_says(
                 words, changed = shortened(page, words)
                 other = other or changed
                 status = execute(words[1:])
-                said = capsys.readouterr()
-                printed += said.out + said.err
-                assert status == 0 or words[1] == "check", said.err
+                result = capsys.readouterr()
+                printed += result.out + result.err
+                assert status == 0 or words[1] == "check", result.err
         elif kind == "python":
             exec(compile(text, page, "exec"), code)
         elif kind == "":
@@ -212,8 +212,8 @@ def test_a_page_does_what_it_says(
     assert status == 0
 
 
-def test_each_picture_is_made_from_its_page_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the same files and commands; `docs/how_to_pictures.py PAGE` makes it anew."""
+def test_each_picture_belongs_to_its_present_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is made from the same files and commands by `docs/how_to_pictures.py PAGE`."""
     monkeypatch.syspath_prepend(DOCS)
     pictures = import_module("how_to_pictures")
     stale = []
@@ -228,7 +228,7 @@ def test_each_picture_is_made_from_its_page_as_it_is(monkeypatch: pytest.MonkeyP
     assert len({pictures.fingerprint(page) for page in pictures.PICTURES}) == 11
 
 
-# The code of docs/scripting.md runs, block after block, on coarse cells and short strands.
+# The code of docs/scripting.md runs, block by block, on coarse cells and short strands.
 
 
 PAGE = Path(__file__).parents[2] / "docs" / "scripting.md"
@@ -248,7 +248,7 @@ TUBE = {
     "mould.tube.cell_size": "40 mm",
     "mould.tube.cells_across": 1,
 }
-# Without the mechanics of "idealised", which the blocks that name it do not ask for.
+# Without the mechanics of "idealised", which the blocks with it do not need.
 QUICK_CASE: dict[str, tuple[str, dict[str, Any]]] = {
     "billet125/idealised": ("billet125/thermal", {"thermal.time.step": "1 s"}),
     "billet125/thermal": ("billet125/thermal", {"casting.length": "8 mm"}),
@@ -260,7 +260,7 @@ QUICK_CASE: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 class Jobs(ThreadPoolExecutor):
-    """Stands for the executors of other packages."""
+    """Replaces the executors of other packages."""
 
     def __init__(self, folder: str = "", max_workers: int = 1) -> None:
         super().__init__(max_workers)
@@ -272,14 +272,14 @@ EXECUTORS = {"SingleNodeExecutor": Jobs, "AutoExecutor": Jobs}
 
 
 def known(changes: dict[str, str], fidelity: str) -> Evaluation:
-    """Stands for the evaluator, which a block before has used, where an optimiser asks often."""
+    """Replace the evaluator of an earlier block where an optimiser makes many calls."""
     taper = float(changes["mould.taper"].removesuffix(" %/m"))
     found = {"von_mises_max": 1e7 * (1.0 + taper**2), "heat_removed": 9.1e6 + 1e5 * (taper - 0.5)}
     return Evaluation({name: Quantity(value, "-", name) for name, value in found.items()})
 
 
 def sparing(run: Any) -> Any:
-    """Runs the idealised mould, whose history a search reads, and what is kept; knows the rest."""
+    """Run the idealised mould, whose history a search reads, and kept runs; know the others."""
     ideal: list[float] = []
 
     def sometimes(case: Case, *folder: str) -> castfem.Result | dict[str, float]:
@@ -295,7 +295,7 @@ def sparing(run: Any) -> Any:
 
 
 def quick(load: Any) -> Any:
-    """Loads a case on coarse cells, and short."""
+    """Load a case on coarse cells, and short."""
 
     def loaded(name: str) -> Case:
         other, changes = QUICK_CASE[name]
@@ -304,10 +304,10 @@ def quick(load: Any) -> Any:
     return loaded
 
 
-def test_the_blocks_run_one_after_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_run_one_after_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(castfem, "load", quick(castfem.load))
-    for name in ("executorlib", "submitit"):  # which need not be installed
+    for name in ("executorlib", "submitit"):  # may not be installed
         monkeypatch.setitem(sys.modules, name, SimpleNamespace(**EXECUTORS))
     castfem.run(castfem.load("billet125/taper_1"), "results/billet125/taper_1")
     run, names = castfem.run, dict[str, Any](__name__="page")

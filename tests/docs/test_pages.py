@@ -17,7 +17,7 @@ from benchmarks.__main__ import BENCHMARKS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-DATA = DOCS / "data" / "README.md"  # beside the manual, not of it
+DATA = DOCS / "data" / "README.md"  # not a page of the manual
 PAGES = sorted(set(DOCS.rglob("*.md")) - {DATA})
 OTHERS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + [DATA]
 FENCE = re.compile(r"^(`{3,})(.*?)\n(.*?)^\1`*[ ]*$", re.MULTILINE | re.DOTALL)
@@ -32,7 +32,7 @@ def prose(page: Path) -> str:
 
 @cache
 def anchors(page: Path) -> set[str]:
-    """What a forge calls the headings of a page."""
+    """Return the anchors that a forge gives the headings of a page."""
     found, before = set[str](), Counter[str]()
     for title in HEADING.findall(prose(page)):
         plain = LINK.sub(lambda m: m[0][m[0].index("[") + 1 : m[0].index("]")], title)
@@ -44,13 +44,13 @@ def anchors(page: Path) -> set[str]:
 
 
 def links(page: Path) -> list[tuple[bool, str]]:
-    """Whether it is a picture, and the target, of each link of a page."""
+    """Return for each link of a page whether it is a picture, and its target."""
     text = re.sub(r"`[^`\n]+`", "", prose(page))
     return [(mark == "!", unquote(target)) for mark, target in LINK.findall(text)]
 
 
 def broken(page: Path) -> list[str]:
-    """The links of a page that lead nowhere."""
+    """Return the links of a page without a target."""
     found = []
     for _, target in links(page):
         if re.match(r"[a-z]+:", target):
@@ -65,20 +65,20 @@ def broken(page: Path) -> list[str]:
 
 
 def contents(page: Path) -> list[Path]:
-    """The pages in the tables of contents of a page."""
+    """Return the pages in the tables of contents of a page."""
     text = page.read_text(encoding="utf-8")
     bodies = [body for _, kind, body in FENCE.findall(text) if kind == "{toctree}"]
     names = [line.strip() for body in bodies for line in body.splitlines()]
     return [page.parent / f"{name}.md" for name in names if name and name[0] != ":"]
 
 
-def test_links_lead_somewhere() -> None:
-    """To a file, to a heading of it; from the manual to what lies within it."""
+def test_links_have_targets() -> None:
+    """A file, or a heading in it; links of the manual stay within it."""
     assert not {page: found for page in (*PAGES, *OTHERS) if (found := broken(page))}
 
 
-def test_each_page_stands_in_one_table_of_contents() -> None:
-    """Of pages that are reached from the first one."""
+def test_each_page_is_in_one_table_of_contents() -> None:
+    """Of the pages that are reached from the first one."""
     reached = [DOCS / "index.md"]
     for page in reached:
         reached += contents(page)
@@ -95,7 +95,7 @@ def test_each_picture_is_shown() -> None:
     assert shown == set((DOCS / "figures").glob("*.png"))
 
 
-def test_a_broken_link_and_a_lost_page_are_found(
+def test_broken_link_and_lost_page_are_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("ROOT", "DOCS"):
@@ -110,9 +110,9 @@ def test_a_broken_link_and_a_lost_page_are_found(
     assert contents(page) == [tmp_path / "b.md"]
 
 
-# Equations of the manual: as mathematics, in a form that a forge and Sphinx both draw.
+# Equations of the manual are written in a form that a forge and Sphinx both draw.
 #
-# How they look when they are drawn is a matter of tests/browser/test_manual.py.
+# tests/browser/test_manual.py tests their appearance.
 
 
 EQUATION_PAGES = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md"]
@@ -122,7 +122,7 @@ ENVIRONMENT = re.compile(r"\\(begin|end)\{(\w+\*?)\}")
 
 
 def indented(text: str) -> Iterator[str]:
-    """First lines of blocks that Markdown takes for code by their indentation, outside of lists."""
+    """Yield first lines of blocks that Markdown takes for code by indentation, outside lists."""
     listed = False
     for before, line in itertools.pairwise(["", *text.splitlines()]):
         if line and not line[0].isspace():
@@ -132,7 +132,7 @@ def indented(text: str) -> Iterator[str]:
 
 
 def faults(text: str) -> list[str]:
-    """What of the equations of a page would be drawn wrong, or not at all."""
+    """Return the faults of equations of a page, which would be drawn wrong or not at all."""
     found = []
     equations = [body for _, _, kind, body in EQUATION_FENCE.findall(text) if kind == "math"]
     prose = re.sub(r"(`+)(?!`).*?(?<!`)\1(?!`)", "", EQUATION_FENCE.sub("", text))
@@ -176,7 +176,7 @@ def test_pages_of_the_theory_have_equations() -> None:
     )
 
 
-def test_what_is_wrong_is_found() -> None:
+def test_faults_of_equations_are_found() -> None:
     good = "A $x^2$ and `$HOME`.\n\n```math\n\\frac{a}{b}\n\\tag{3}\n```\n\n* x\n\n  y\n"
     assert not faults(good)
     for bad in (
@@ -194,7 +194,7 @@ def test_what_is_wrong_is_found() -> None:
         assert faults(bad), bad
 
 
-# Files, tests, benchmarks, commands and their options that a page names are there
+# Files, tests, benchmarks, commands and their options that a page names exist
 
 
 NAMED_PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
@@ -207,7 +207,7 @@ SECTION = re.compile(r"^## castfem (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.D
 
 @cache
 def options() -> dict[str, set[str]]:
-    """Options of each command, by the page made of the commands themselves."""
+    """Return the options of each command, by the page made from the commands."""
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     return {
         name: {"-h", "--help", *re.findall(r"`(--?[a-zA-Z][\w-]*)`", body)}
@@ -216,7 +216,7 @@ def options() -> dict[str, set[str]]:
 
 
 def missing(text: str) -> list[str]:
-    """What a text names that is not there."""
+    """Return names in a text of things that do not exist."""
     found = [path for path in PATH.findall(text) if not list(ROOT.glob(path))]
     shipped = SHIPPED.findall(text)
     found += [case for case in shipped if not (ROOT / "cases" / f"{case}.toml").exists()]
@@ -227,7 +227,7 @@ def missing(text: str) -> list[str]:
             continue
         given = {word.split("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)}
         found += [f"castfem {command} {word}" for word in sorted(given - known)]
-        # A key outside of an option would be taken for a case.
+        # A key without an option would be taken for a case.
         keys = [word for word in words if re.match(r"[a-z_]+\.[\w.]+=", word)]
         before = dict(zip(words[1:], words, strict=False))
         found += [f"castfem {command} {key}" for key in keys if before.get(key) not in given]
@@ -236,12 +236,12 @@ def missing(text: str) -> list[str]:
     return found + [name for name in names if name not in BENCHMARKS and name not in more]
 
 
-def test_what_a_page_names_is_there() -> None:
+def test_names_on_pages_exist() -> None:
     texts = {page: page.read_text(encoding="utf-8") for page in NAMED_PAGES}
     assert not {page: found for page, text in texts.items() if (found := missing(text))}
 
 
-def test_what_is_not_there_is_found() -> None:
+def test_missing_names_are_found() -> None:
     assert len(options()) > 20
     good = (
         "`castfem run CASE --set casting.speed=2 -o x`, `tests/docs/test_*.py`, `billet125/thermal`"
@@ -256,7 +256,7 @@ def test_what_is_not_there_is_found() -> None:
     ]
 
 
-# The notebooks of the manual run, block after block, and print what stands below each block
+# The notebooks of the manual run, block by block, and print the output below each block
 
 
 NOTEBOOK_PAGES = sorted((Path(__file__).parents[2] / "docs" / "notebooks").glob("*.md"))
@@ -265,13 +265,13 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 def parts(text: str) -> tuple[list[str], list[float]]:
-    """The words of a text, and its numbers."""
+    """Return the words and the numbers of a text."""
     return NUMBER.sub("#", text).split(), [float(one) for one in NUMBER.findall(text)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in NOTEBOOK_PAGES if page.stem != "index"], ids=str)
-def test_a_notebook_runs_and_prints_what_it_shows(
+def test_notebook_prints_its_output(
     page: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -1,4 +1,4 @@
-"""The wrapper hands everything through: status, streams, signals, folder, variables, arguments."""
+"""The wrapper passes on status, streams, signals, folder, variables, arguments."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def home(tmp_path: Path) -> Path:
-    """An environment's folder with a blank in its name, of the kind that uses the host's Python."""
+    """Return an environment's folder with a space in its name, that uses the host's Python."""
     folder = tmp_path / "with blank" / ".castfem"
     (folder / "venv/bin").mkdir(parents=True)
     tool = folder / "venv/bin/tool"
@@ -48,12 +48,12 @@ def test_streams_arguments_and_folder(home: Path, tmp_path: Path) -> None:
     assert done.stderr == "oops\n"
 
 
-def test_own_programs_come_first(home: Path) -> None:
+def test_own_programs_have_precedence(home: Path) -> None:
     assert enter(home, "tool").stdout == "own tool\n"
 
 
 def test_open_mpi_finds_its_folders(home: Path, tmp_path: Path) -> None:
-    """It needs a HOME, and a TMPDIR that is there."""
+    """It needs a HOME, and an existing TMPDIR."""
     script = 'printf "%s|%s" "$HOME" "${TMPDIR-none}"'
     known = {key: value for key, value in os.environ.items() if key not in ("HOME", "TMPDIR")}
     done = enter(home, "sh", "-c", script, env=known | {"TMPDIR": str(tmp_path / "gone")})
@@ -92,19 +92,19 @@ MPI_ABORT was invoked on rank 1 in communicator MPI_COMM_WORLD
 
 
 @pytest.mark.parametrize("more", [STATUS, STATUS_4])
-def test_a_launcher_does_not_repeat_the_status(home: Path, more: str) -> None:
-    """What it says of an abort, and of anything else, stays; so do status and output."""
+def test_launcher_does_not_repeat_the_status(home: Path, more: str) -> None:
+    """Its message about an abort, and any other, is kept; so are status and output."""
     launcher = home / "venv/bin/mpirun"
-    said = f"castfem: a.toml: bad\n{ABORT}and more\n"
-    launcher.write_text(f"#!/bin/sh\ncat\ncat >&2 <<'END'\n{said}{more}END\nexit 3\n")
+    message = f"castfem: a.toml: bad\n{ABORT}and more\n"
+    launcher.write_text(f"#!/bin/sh\ncat\ncat >&2 <<'END'\n{message}{more}END\nexit 3\n")
     launcher.chmod(0o755)
     done = enter(home, "mpirun", "-n", "2", input=STATUS)
-    assert (done.returncode, done.stdout, done.stderr) == (3, STATUS, said)
+    assert (done.returncode, done.stdout, done.stderr) == (3, STATUS, message)
     launcher.rename(home / "venv/bin/other")
-    assert enter(home, "other", input="").stderr == said + more
+    assert enter(home, "other", input="").stderr == message + more
 
 
-def test_defaults_give_way_to_the_user(home: Path) -> None:
+def test_variables_of_the_user_have_precedence(home: Path) -> None:
     bare = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
     show = ("sh", "-c", "echo $OMP_NUM_THREADS $PETSC_OPTIONS")
     assert enter(home, *show, env=bare | {"PETSC_OPTIONS": "-log"}).stdout == "1 -log\n"
@@ -133,7 +133,7 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.fixture
 def userland(home: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The same home of the kind that enters a userland, by what does of bubblewrap the session."""
+    """Return the home with a userland, entered by a substitute of bubblewrap with its session."""
     folder = home.parent / "userland"
     folder.mkdir()
     (folder / "castfem-ready").touch()
@@ -157,10 +157,10 @@ for i in 1 2 3 4 5 6; do for j in 1 2 3 4 5 6 7 8 9 10; do sleep 1 & wait $!; do
 
 @pytest.mark.parametrize("kind", ["home", "userland"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_ranks_are_asked_to_stop_before_their_launcher(
+def test_ranks_are_stopped_before_their_launcher(
     kind: str, number: signal.Signals, request: pytest.FixtureRequest
 ) -> None:
-    """What stops mpirun has it kill its ranks within a step; SIGUSR1 it only passes on."""
+    """A stopped mpirun kills its ranks within a step; SIGUSR1 is only passed on."""
     home = request.getfixturevalue(kind)
     launcher = home / "venv/bin/mpirun"
     launcher.write_text(LAUNCHER)
@@ -169,7 +169,7 @@ def test_ranks_are_asked_to_stop_before_their_launcher(
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stdout.readline() == "up\n"
         process.send_signal(number)
-        process.send_signal(number)  # as `timeout` does: one wish
+        process.send_signal(number)  # as `timeout` does: a single request
         assert process.stdout.readline() == "USR1\n"
         time.sleep(2.5)
         process.send_signal(signal.SIGTERM)
@@ -180,23 +180,23 @@ def test_ranks_are_asked_to_stop_before_their_launcher(
 @pytest.mark.skipif(shutil.which("timeout") is None, reason="needs timeout of coreutils")
 @pytest.mark.parametrize("kind", ["home", "userland"])
 def test_timeout_ends_the_program(kind: str, request: pytest.FixtureRequest) -> None:
-    """It sends TERM and CONT to the wrapper, and both to its group: the program has to hear it."""
+    """It sends TERM and CONT to the wrapper, and both to its group: the program must receive it."""
     home = request.getfixturevalue(kind)
     script = 'trap "echo heard; exit 9" TERM; for _ in $(seq 900); do sleep 0.02; done; echo late'
     line = ["timeout", "3", str(ROOT / "tools/enter.sh"), str(home), "sh", "-c", script]
     done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
-    # Of the two, a busy machine may deliver the second before the program has ended.
+    # A busy machine may deliver the second one before the program has ended.
     assert set(done.stdout.splitlines()) == {"heard"}
     assert done.returncode == 124
 
 
-def test_missing_environment_names_the_mend(tmp_path: Path) -> None:
+def test_missing_environment_names_the_fix(tmp_path: Path) -> None:
     done = enter(tmp_path, "true")
     assert done.returncode == 125
     assert "make env" in done.stderr.splitlines()[-1]
 
 
-def test_missing_userland_names_the_mend(home: Path, tmp_path: Path) -> None:
+def test_missing_userland_names_the_fix(home: Path, tmp_path: Path) -> None:
     gone = tmp_path / "gone"
     (home / "env.conf").write_text(f"kind=userland\npython=/usr/bin/python3\nuserland={gone}\n")
     done = enter(home, "true")
@@ -204,7 +204,7 @@ def test_missing_userland_names_the_mend(home: Path, tmp_path: Path) -> None:
     assert "make env" in done.stderr
 
 
-# Which Python is good enough: the version range, and requirements met or not.
+# Whether a Python is suitable: version range, and requirements met or not.
 
 
 @pytest.fixture(scope="module")
@@ -255,14 +255,14 @@ def test_requirement(
     assert probe.is_met(requirement) is met
 
 
-def test_requirements_are_the_projects(probe: ModuleType) -> None:
+def test_requirements_are_those_of_the_project(probe: ModuleType) -> None:
     names = probe.requirements()
     assert any(name.startswith("pydantic") for name in names)
     assert any(name.startswith("gmsh") for name in names)
     assert not any(name.startswith("ruff") for name in names)
 
 
-def test_this_python_passes_or_says_why() -> None:
+def test_this_python_passes_or_has_a_reason() -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "tools/probe.py"], capture_output=True, text=True, check=False
     )
@@ -274,7 +274,7 @@ def test_this_python_passes_or_says_why() -> None:
         assert len(done.stdout.splitlines()) == 1
 
 
-def test_a_venv_with_wheels_is_possible_or_it_says_why() -> None:
+def test_venv_with_wheels_is_possible_or_has_a_reason() -> None:
     line = [sys.executable, ROOT / "tools/probe.py", "wheel"]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
     if done.returncode == 0:
@@ -286,28 +286,28 @@ def test_a_venv_with_wheels_is_possible_or_it_says_why() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (("version_info", (3, 11, 7)), "Python 3.11 is older than 3.12"),
         (("platform", "darwin"), "no wheels for darwin"),
         (("path", None), "no C compiler"),
     ],
 )
-def test_what_stands_against_wheels(
-    probe: ModuleType, monkeypatch: pytest.MonkeyPatch, change: tuple[str, object], said: str
+def test_reasons_against_wheels(
+    probe: ModuleType, monkeypatch: pytest.MonkeyPatch, change: tuple[str, object], message: str
 ) -> None:
     name, value = change
     if value is None:
         monkeypatch.setenv("CC", "/nowhere/cc")
     else:
         monkeypatch.setattr(probe.sys, name, value)
-    assert said in (probe.reason_against_wheel() or "")
+    assert message in (probe.reason_against_wheel() or "")
 
 
-# Where DOLFINx comes from: which Python `tools/env.sh` takes, and what it says of others.
+# Origin of DOLFINx: the Python that `tools/env.sh` chooses, and messages about others.
 
 
-# What Pythons answer that are asked for a DOLFINx, and for a venv with one from PyPI.
+# Answers of Pythons to a request for DOLFINx, and for a venv with one from PyPI.
 WITHOUT = 'echo "no DOLFINx (No module named dolfinx)"; exit 1'
 OLD = 'echo "Python 3.11 is older than 3.12"; exit 1'
 LATER = 'echo "python=$0"; echo "wheels=solver"'
@@ -317,8 +317,8 @@ OTHERS = {f"bin/python3{minor}": (WITHOUT, OLD) for minor in ("", ".12", ".13", 
 HIDDEN = "raise ModuleNotFoundError(\"No module named 'dolfinx'\")"
 
 
-def choice(folder: Path, pythons: dict[str, tuple[str, str]], **given: str) -> tuple[str, str]:
-    """What is printed and said where the path has these Pythons, and others of no use."""
+def choice(folder: Path, pythons: dict[str, tuple[str, str]], **variables: str) -> tuple[str, str]:
+    """Return output and messages for a path with these Pythons, and others of no use."""
     home = folder / "home"
     for place, (system, wheel) in (OTHERS | pythons).items():
         file = folder / place
@@ -329,7 +329,7 @@ def choice(folder: Path, pythons: dict[str, tuple[str, str]], **given: str) -> t
     environment = {name: value for name, value in os.environ.items() if name not in own}
     (folder / "dolfinx.py").write_text(HIDDEN)  # of /usr/bin/python3
     environment["PYTHONPATH"] = str(folder)
-    environment |= {"PATH": f"{folder}/bin:/usr/bin:/bin", "HOME": str(home), **given}
+    environment |= {"PATH": f"{folder}/bin:/usr/bin:/bin", "HOME": str(home), **variables}
     done = subprocess.run(
         [ROOT / "tools/env.sh", "choice"], env=environment, capture_output=True, text=True
     )
@@ -337,7 +337,7 @@ def choice(folder: Path, pythons: dict[str, tuple[str, str]], **given: str) -> t
 
 
 @pytest.mark.parametrize(
-    ("pythons", "given", "chosen"),
+    ("pythons", "variables", "chosen"),
     [
         ({"bin/python3": (WITH, LATER)}, {}, "system /bin/python3"),
         ({"bin/python3": (WITHOUT, LATER)}, {}, "wheel /bin/python3"),
@@ -346,22 +346,22 @@ def choice(folder: Path, pythons: dict[str, tuple[str, str]], **given: str) -> t
         ({PYENV: (WITHOUT, LATER)}, {"SOLVER": "wheel"}, f"wheel /{PYENV}"),
     ],
 )
-def test_the_first_that_there_is(
-    pythons: dict[str, tuple[str, str]], given: dict[str, str], chosen: str, tmp_path: Path
+def test_first_suitable_python_is_chosen(
+    pythons: dict[str, tuple[str, str]], variables: dict[str, str], chosen: str, tmp_path: Path
 ) -> None:
-    found, said = choice(tmp_path, pythons, **given)
-    assert (found, said) == (chosen, "")
+    found, message = choice(tmp_path, pythons, **variables)
+    assert (found, message) == (chosen, "")
 
 
-def test_what_python_names_comes_first(tmp_path: Path) -> None:
+def test_variable_python_has_precedence(tmp_path: Path) -> None:
     pythons = {"bin/python3": (WITH, LATER), "mine": (WITHOUT, LATER), "other": (WITH, LATER)}
     assert choice(tmp_path, pythons, PYTHON=str(tmp_path / "other"))[0] == "system /other"
-    found, said = choice(tmp_path, pythons, PYTHON=str(tmp_path / "mine"), SOLVER="wheel")
-    assert (found, said) == ("wheel /mine", "")
+    found, message = choice(tmp_path, pythons, PYTHON=str(tmp_path / "mine"), SOLVER="wheel")
+    assert (found, message) == ("wheel /mine", "")
 
 
 @pytest.mark.parametrize(
-    ("given", "why"),
+    ("variables", "why"),
     [
         ({"SOLVER": "conda"}, "SOLVER=conda is unknown: choose system, wheel or debian"),
         ({"SOLVER": "wheel", "DEBIAN": "sid"}, "DEBIAN=sid and SOLVER=wheel exclude each other"),
@@ -369,8 +369,8 @@ def test_what_python_names_comes_first(tmp_path: Path) -> None:
         ({"SOLVER": "system"}, "python3 is passed over: no DOLFINx (No module"),
     ],
 )
-def test_what_there_is_not_is_told_in_a_line(
-    given: dict[str, str], why: str, tmp_path: Path
+def test_missing_python_is_reported_in_a_line(
+    variables: dict[str, str], why: str, tmp_path: Path
 ) -> None:
-    found, said = choice(tmp_path, {}, **given)
-    assert found == "" and why in said and len(said.splitlines()) == 1
+    found, message = choice(tmp_path, {}, **variables)
+    assert found == "" and why in message and len(message.splitlines()) == 1

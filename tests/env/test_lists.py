@@ -1,4 +1,4 @@
-"""The environment's lists name the same things, and no file of the environment names a host."""
+"""The environment's lists have the same contents, and no file of it names a host."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FILES = [
     *(ROOT / name for name in ("environment.yml", "pixi.toml")),
 ]
 
-# conda-forge's names where they are not Debian's without "python3-"; None: part of another package.
+# Names in conda-forge that differ from Debian's without "python3-"; None: in another package.
 CONDA = {
     "python3-dolfinx-real": "fenics-dolfinx",
     "python3-petsc4py-real": "petsc4py",
@@ -36,7 +36,7 @@ CONDA = {
     "python3-h5py-mpi": "h5py",
     "python3-venv": None,
 }
-ONLY_CONDA = {"python", "petsc"}  # Debian's petsc4py-real brings both
+ONLY_CONDA = {"python", "petsc"}  # Debian's petsc4py-real installs both
 
 
 def debian_names(name: str = "packages.txt") -> list[str]:
@@ -49,7 +49,7 @@ def conda_names() -> list[str]:
     return re.findall(r"^  - ([\w-]+)", text, re.MULTILINE)
 
 
-def test_conda_and_debian_name_the_same_things() -> None:
+def test_conda_and_debian_agree() -> None:
     translated = {CONDA.get(name, name.removeprefix("python3-")) for name in debian_names()} - {
         None
     }
@@ -57,7 +57,7 @@ def test_conda_and_debian_name_the_same_things() -> None:
 
 
 def conda_specs() -> dict[str, tuple[str, str]]:
-    """Name to version and build."""
+    """Return version and build by name."""
     lines = (ROOT / "environment.yml").read_text().split("dependencies:")[1].splitlines()
     entries = [line.removeprefix("  - ").split(maxsplit=1) for line in lines if "  - " in line]
     found = {}
@@ -69,7 +69,7 @@ def conda_specs() -> dict[str, tuple[str, str]]:
     return found
 
 
-def test_pixi_and_conda_name_the_same_things() -> None:
+def test_pixi_and_conda_agree() -> None:
     listed = tomllib.loads((ROOT / "pixi.toml").read_text())["dependencies"]
     whole = {n: v if isinstance(v, dict) else {"version": v} for n, v in listed.items()}
     specs = {n: (v["version"], v.get("build", "*")) for n, v in whole.items()}
@@ -78,13 +78,13 @@ def test_pixi_and_conda_name_the_same_things() -> None:
 
 
 def commands(text: str) -> list[str]:
-    """Commands of a shell, one by one, without breaks of lines."""
+    """Return the commands of a shell, one by one, without line breaks."""
     joined = re.sub(r"\\\n", " ", text)
     parts = [part for line in joined.splitlines() for part in line.split("&&")]
     return [" ".join(part.split()) for part in parts if part.strip()]
 
 
-def test_apptainer_takes_the_steps_of_the_dockerfile() -> None:
+def test_apptainer_has_the_steps_of_the_dockerfile() -> None:
     docker = re.sub(r"^#.*\n", "", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     text = (ROOT / "apptainer.def").read_text()
     parts = dict(re.findall(r"^%(\w+)\n((?:(?!%).*\n)*)", text, re.MULTILINE))
@@ -106,7 +106,7 @@ def test_apptainer_takes_the_steps_of_the_dockerfile() -> None:
     }
 
 
-def test_list_covers_the_projects_requirements() -> None:
+def test_list_contains_the_requirements() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
     names = {re.match(r"[\w-]+", item)[0] for item in wanted}  # type: ignore[index]
@@ -114,8 +114,8 @@ def test_list_covers_the_projects_requirements() -> None:
     assert names - listed == {"numpy", "ruff"}  # numpy comes with scipy, ruff from PyPI
 
 
-def test_what_makes_the_manual_is_apart() -> None:
-    """Debian's list, the extra, and what Sphinx loads name the same; nothing else brings it."""
+def test_packages_of_the_manual_are_separate() -> None:
+    """Debian's list, the extra, and the imports of Sphinx agree; nothing else installs them."""
     apart = debian_names("docs_packages.txt")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extra = {re.match(r"[\w-]+", item)[0] for item in project["optional-dependencies"]["docs"]}  # type: ignore[index]
@@ -151,17 +151,17 @@ def test_script_parses(path: Path) -> None:
     assert subprocess.run(["bash", "-n", path]).returncode == 0
 
 
-def test_ci_runs_the_readmes_test_command() -> None:
+def test_ci_runs_the_test_command_of_the_readme() -> None:
     assert (ROOT / ".ci/run").read_text().rstrip().endswith("exec make test")
     assert (ROOT / ".ci/run").stat().st_mode & 0o111
 
 
-# What is imported is declared, what is declared is imported, and types reach those who import.
+# Imports are declared and declarations imported, and types are shipped.
 
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 CODE = ("castfem", "forms", "meshes")
-# From where DOLFINx comes from, not from a wheel, with the package of tools/packages.txt.
+# From the source of DOLFINx, not from a wheel, with the package of tools/packages.txt.
 DISTRIBUTION = {
     "dolfinx": "python3-dolfinx-real",
     "ufl": "python3-dolfinx-real",
@@ -174,12 +174,12 @@ DISTRIBUTION = {
 EXTRA = {
     "optuna": "optimise",
     "pycalphad": "calphad",
-}  # imported where a case asks for it; the extra that brings it
+}  # imported on request of a case; the extra that installs it
 COMES_WITH = {"PIL": "matplotlib", "pydantic_core": "pydantic", "llvmlite": "numba"}
 
 
 def imports(tree: ast.Module) -> Iterator[str]:
-    """Top-level names of all that a module imports, wherever in it."""
+    """Yield top-level names of all imports of a module, wherever they are."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name.partition(".")[0] for alias in node.names)
@@ -198,7 +198,7 @@ def declared() -> set[str]:
     return {name[0].replace("-", "_").lower() for name in names if name}
 
 
-def test_every_import_is_declared_and_every_declared_one_is_imported() -> None:
+def test_imports_and_declarations_agree() -> None:
     assert set(COMES_WITH.values()) <= declared()
     assert third_party() - set(COMES_WITH) == declared() | set(DISTRIBUTION) | set(EXTRA)
     for name, extra in EXTRA.items():
@@ -207,7 +207,7 @@ def test_every_import_is_declared_and_every_declared_one_is_imported() -> None:
         )
 
 
-def test_the_distributions_packages_are_listed() -> None:
+def test_packages_of_the_distribution_are_listed() -> None:
     listed = re.findall(r"^[\w+-]+", (ROOT / "tools/packages.txt").read_text(), re.MULTILINE)
     assert set(DISTRIBUTION.values()) <= set(listed)
 
@@ -222,7 +222,7 @@ def test_types_and_data_are_shipped() -> None:
         shipped |= {file for pattern in patterns for file in folder.glob(pattern)}
     own = [f for folder in (*CODE, "cases") for f in (ROOT / folder).rglob("*.*") if f.is_file()]
     data = {file for file in own if file.suffix != ".py" and "__pycache__" not in file.parts}
-    data |= set((ROOT / "cases").glob("*/*.py"))  # what makes the tables of a case
+    data |= set((ROOT / "cases").glob("*/*.py"))  # scripts that make the tables of a case
     assert data <= shipped
     assert ROOT / "castfem" / "py.typed" in shipped
     packages = {p.parent.relative_to(ROOT).as_posix() for p in (ROOT / "castfem").rglob("*.py")}
@@ -230,7 +230,7 @@ def test_types_and_data_are_shipped() -> None:
 
 
 def test_version_is_written_once() -> None:
-    """In the code; packages take it from there, and who cites names the same."""
+    """In the code; packages read it there, and the citation has the same."""
     assert PROJECT["project"]["dynamic"] == ["version"]
     assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "castfem.__version__"}
     cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
@@ -238,8 +238,8 @@ def test_version_is_written_once() -> None:
     assert metadata.version("castfem") == castfem.__version__
 
 
-def test_no_folder_of_code_is_left_out_by_git_or_lint() -> None:
-    """Ruff's own list, as many a .gitignore, leaves out each folder called build."""
+def test_no_folder_of_code_is_excluded_by_git_or_lint() -> None:
+    """Ruff's own list, like many a .gitignore, excludes each folder called build."""
     lines = (ROOT / ".gitignore").read_text(encoding="utf-8").split()
     patterns = [line.strip("/") for line in lines if not line.startswith("/")]
     patterns += PROJECT["tool"]["ruff"]["exclude"]

@@ -1,4 +1,4 @@
-"""What the repository declares: references, versions, its top level, the architecture page."""
+"""Declarations of the repository: references, versions, its top level, the architecture page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def known() -> set[str]:
 
 @cache
 def written(path: Path) -> tuple[str, str]:
-    """Docstring of a module, and all its docstrings and comments."""
+    """Return the docstring of a module, and all its docstrings and comments."""
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
     kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
@@ -44,7 +44,7 @@ def test_every_key_is_in_the_bibliography() -> None:
     assert used and used <= keys, used - keys
 
 
-def test_a_bare_equation_number_says_of_what() -> None:
+def test_bare_equation_number_has_a_source() -> None:
     bare = [
         str(path.relative_to(ROOT))
         for path in FILES
@@ -53,7 +53,7 @@ def test_a_bare_equation_number_says_of_what() -> None:
     assert not bare, f"say in the module's docstring whose equations these are: {bare}"
 
 
-def test_a_page_or_case_with_equation_numbers_says_of_what() -> None:
+def test_equation_numbers_of_pages_and_cases_have_a_source() -> None:
     texts = {p: p.read_text(encoding="utf-8") for p in PAGES}
     for path in CASES:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -66,7 +66,7 @@ def test_a_page_or_case_with_equation_numbers_says_of_what() -> None:
     assert not bare, f"name the work whose equations these are by its key: {bare}"
 
 
-# Version and headings of CHANGELOG.md say the same.
+# Version and headings of CHANGELOG.md agree.
 
 
 HEADING = re.compile(r"^## \[?v?(\d+\.\d+\.\d+)\b", re.MULTILINE)
@@ -77,7 +77,7 @@ def numbers(version: str) -> tuple[int, ...]:
 
 
 def faults(version: str, changes: str) -> list[str]:
-    """What disagrees: the code is at the version that was released last, which stands first."""
+    """Return disagreements: the code has the latest released version, which comes first."""
     released, found = HEADING.findall(changes), []
     if released != sorted(released, key=numbers, reverse=True):
         found.append("the latest version does not stand first in CHANGELOG.md")
@@ -86,11 +86,11 @@ def faults(version: str, changes: str) -> list[str]:
     return found
 
 
-def test_code_and_changes_agree() -> None:
+def test_code_and_changelog_agree() -> None:
     assert faults(castfem.__version__, (ROOT / "CHANGELOG.md").read_text("utf-8")) == []
 
 
-# The top level of the project holds what is known, and no note that somebody left there
+# The top level of the project contains only known names
 
 
 KNOWN = {
@@ -99,11 +99,11 @@ KNOWN = {
     *("environment.yml", "pixi.toml", "pyproject.toml"),
     *("benchmarks", "cases", "castfem", "docs", "findings", "forms", "meshes", "tests", "tools"),
 }
-OF_AN_ARCHIVE = {".git", "PKG-INFO", "setup.cfg"}  # what git or a packager adds beside the files
+OF_AN_ARCHIVE = {".git", "PKG-INFO", "setup.cfg"}  # added by git or a packager
 
 
 def present(root: Path) -> list[str]:
-    """Names in a checkout or an unpacked archive, without what .gitignore names."""
+    """Return names in a checkout or an unpacked archive, without those in .gitignore."""
     ignored = [*OF_AN_ARCHIVE]
     if (root / ".gitignore").exists():
         ignored += [line.strip("/") for line in (root / ".gitignore").read_text().split()]
@@ -111,19 +111,19 @@ def present(root: Path) -> list[str]:
     return [name for name in names if not any(fnmatch(name, one) for one in ignored)]
 
 
-def test_the_top_level_holds_what_is_known() -> None:
+def test_top_level_contains_only_known_names() -> None:
     assert {*present(ROOT)} - KNOWN == set()
 
 
-def test_scripts_can_be_run() -> None:
-    """All that name the program that runs them; what other scripts read does not."""
+def test_scripts_are_executable() -> None:
+    """All that name their interpreter; files that other scripts read do not."""
     files = [*(ROOT / "findings").glob("*.sh"), *(ROOT / "tools").glob("*.sh"), ROOT / ".ci/run"]
     scripts = [file for file in files if file.read_bytes().startswith(b"#!")]
     assert {file.name for file in scripts} >= {"run", "test.sh", "cobyqa_nan.sh"}
     assert [file.name for file in scripts if not os.access(file, os.X_OK)] == []
 
 
-# docs/architecture.md: what it names is there.
+# docs/architecture.md: the names on it exist.
 
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
@@ -131,7 +131,7 @@ ENGINE = "\n".join(p.read_text(encoding="utf-8") for p in (ROOT / "castfem").rgl
 
 
 def named(line: str) -> tuple[list[Path], list[str]]:
-    """Files in a line of the page, and the identifiers beside them."""
+    """Return the files in a line of the page, and the identifiers in the same line."""
     files: list[Path] = []
     names: list[str] = []
     for word in re.findall(r"`([^`]+)`", line):
@@ -145,8 +145,8 @@ def named(line: str) -> tuple[list[Path], list[str]]:
     return files, names
 
 
-def test_what_a_line_names_is_there() -> None:
-    """Each file exists, and one of those in its line has each identifier."""
+def test_names_of_a_line_exist() -> None:
+    """Each file exists, and one of the files in its line has each identifier."""
     lines = [x for x in PAGE.splitlines() if "`" in x]
     assert len(lines) > 20
     for line in lines:

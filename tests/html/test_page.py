@@ -1,4 +1,4 @@
-"""A report: one well-formed file that stands alone: numbers, curves and section of runs."""
+"""A report: one well-formed, self-contained file with numbers, curves and section of runs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def parsed(text: str) -> ElementTree.Element:
     return ElementTree.fromstring(text.replace("<!DOCTYPE html>", ""))
 
 
-def test_it_is_well_formed_and_stands_alone(page: str) -> None:
+def test_page_is_well_formed_and_self_contained(page: str) -> None:
     root = parsed(page)
     ids = [element.get("id") for element in root.iter() if element.get("id")]
     assert len(ids) == len(set(ids)) > 4
@@ -55,13 +55,13 @@ def test_it_is_well_formed_and_stands_alone(page: str) -> None:
     assert len(page.encode()) < LARGEST
 
 
-def test_every_image_says_what_it_shows(page: str) -> None:
+def test_every_image_has_a_description(page: str) -> None:
     for element in parsed(page).iter():
         if element.get("role") == "img":
             assert element.get("aria-label")
 
 
-def test_a_label_names_one_control(page: str) -> None:
+def test_label_belongs_to_one_control(page: str) -> None:
     controls = {f"{NAMESPACE}{name}" for name in ("input", "select", "output", "progress")}
     labels = list(parsed(page).iter(f"{NAMESPACE}label"))
     assert labels
@@ -79,7 +79,7 @@ def test_numbers_are_those_of_the_run(folder: Path, page: str) -> None:
     assert len(rows) > 5
 
 
-def test_curves_carry_the_history_for_the_pointer(folder: Path, page: str) -> None:
+def test_curves_contain_the_history_for_the_pointer(folder: Path, page: str) -> None:
     from castfem.runs.output.history import read_history
 
     table = read_history(folder / "history.csv")
@@ -96,7 +96,7 @@ def test_curves_carry_the_history_for_the_pointer(folder: Path, page: str) -> No
     assert all(one["x"][1] == pytest.approx(table["position"].iloc[-1]) for one in known)
 
 
-def test_the_section_shows_the_fields(folder: Path) -> None:
+def test_section_shows_the_fields(folder: Path) -> None:
     (found,) = sections([folder])
     with Fields(folder) as fields:
         cells, last = fields.cells, fields.values("temperature", -1)
@@ -109,15 +109,15 @@ def test_the_section_shows_the_fields(folder: Path) -> None:
     assert shown == pytest.approx(mean, abs=0.05)
 
 
-def test_sections_of_several_runs_have_one_scale_of_colours(folder: Path, tmp_path: Path) -> None:
+def test_sections_of_several_runs_have_one_colour_scale(folder: Path, tmp_path: Path) -> None:
     other = tmp_path / "hotter"
     shutil.copytree(folder, other)
     with h5py.File(other / "fields.h5", "r+") as file:
         for step in file["steps"].values():
             step["temperature"][...] += 50.0
-    (alone,) = sections([folder])
+    (single,) = sections([folder])
     both = sections([folder, other])
-    low, high = alone.fields[0]["low"], alone.fields[0]["high"]
+    low, high = single.fields[0]["low"], single.fields[0]["high"]
     for one in both:
         first = one.fields[0]
         assert first["name"] == "temperature" and first["low"] == low
@@ -142,8 +142,8 @@ def test_several_runs_side_by_side(folder: Path, tmp_path: Path) -> None:
     assert any(e.text == "added.key" for e in root.iter(f"{NAMESPACE}th"))
 
 
-def test_a_page_of_many_runs_stays_small(tmp_path: Path) -> None:
-    """Curves have fewer points and sections fewer places; the ends stay."""
+def test_page_of_many_runs_stays_small(tmp_path: Path) -> None:
+    """Curves have fewer points and sections fewer places; the ends are kept."""
     folder = write_run(tmp_path / "one", steps=300)
     folders = [tmp_path / f"run{i:02d}" for i in range(36)]
     for other in folders:
@@ -171,7 +171,7 @@ def test_text_of_a_case_ends_no_script(folder: Path, tmp_path: Path) -> None:
     assert heading.text == summary["title"]
 
 
-def test_a_chart_has_its_marks_and_breaks_where_nothing_is() -> None:
+def test_chart_has_ticks_and_breaks_at_missing_values() -> None:
     x = np.linspace(0.0, 2.0, 5)
     found = chart(
         "t", "y [mm]", [Series("a", "#000", "", x, np.array([1, 2, np.nan, 4, 5.0]))], zero=True
@@ -182,7 +182,7 @@ def test_a_chart_has_its_marks_and_breaks_where_nothing_is() -> None:
     assert flat.data["y"][0] < 3.0 < flat.data["y"][1]
 
 
-def test_places_that_are_asked_for_have_their_own_tables(folder: Path, tmp_path: Path) -> None:
+def test_requested_places_have_their_own_tables(folder: Path, tmp_path: Path) -> None:
     target = tmp_path / "at.html"
     assert (
         execute(["report", str(folder), "-o", str(target), "--at", "300 mm", "--at", "0.2 m"]) == 0
@@ -202,7 +202,7 @@ def test_places_that_are_asked_for_have_their_own_tables(folder: Path, tmp_path:
     assert {"#numbers", "#place0", "#place1"} <= set(links)
 
 
-def test_a_place_where_no_run_has_been(folder: Path, tmp_path: Path) -> None:
+def test_place_not_reached_by_any_run_is_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"has not reached 7 m"):
         write([folder], tmp_path / "at.html", (7.0,))
 
@@ -212,7 +212,7 @@ BILLET = 'docs/billet.md, "Error of the shipped default"'
 
 @pytest.fixture
 def ran(tmp_path):
-    """Makes the folder of a run of a shipped case, with changes."""
+    """Return a function that writes the folder of a run of a shipped case, with changes."""
 
     def _ran(name: str, *changes: str):
         folder = tmp_path / f"{len(list(tmp_path.iterdir()))}"
@@ -223,7 +223,7 @@ def ran(tmp_path):
     return _ran
 
 
-def test_a_shipped_case_names_the_page_on_its_errors(ran):
+def test_shipped_case_names_the_page_of_its_errors(ran):
     assert lines({"": ran("billet125/taper_1")}) == [f"errors of these numbers: {BILLET}"]
     assert lines({"": ran("billet125/thermal", "output.figures=false")}) == [
         "errors of these numbers: docs/benchmarks.md"
@@ -237,7 +237,7 @@ def test_a_shipped_case_names_the_page_on_its_errors(ran):
         ("taper_1", ["casting.length=1 m"]), ("taper_1", ["title=mine"]), ("mechanics_first", []),
     ],
 )  # fmt: skip
-def test_a_case_that_was_not_measured_has_no_tabulated_errors(ran, name, changes):
+def test_changed_case_has_no_tabulated_errors(ran, name, changes):
     assert lines({"": ran(f"billet125/{name}", *changes)}) == []
 
 

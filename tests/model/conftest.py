@@ -1,4 +1,4 @@
-"""A sound case as text, to be changed by the tests."""
+"""A valid case as text, to be changed by the tests."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def sound() -> str:
 
 @pytest.fixture
 def write(tmp_path: Path):
-    """Write a case file, by default a sound one, and return its path."""
+    """Return a function that writes a case file, by default a valid one, and returns its path."""
 
     def _write(text: str = SOUND, name: str = "case.toml") -> Path:
         path = tmp_path / name

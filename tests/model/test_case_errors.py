@@ -1,4 +1,4 @@
-"""Every kind of mistake is told with file, dotted key, value, what is allowed, nearest name."""
+"""Each kind of mistake is reported with file, key, value, allowed values, nearest name."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from castfem.base.errors import InputError
 from castfem.model import load_case
 
-# (what is replaced, by what, the dotted key, words of the message)
+# (text, its replacement, dotted key, parts of the message)
 MISTAKES = {
     "unknown key": (
         'width = "125 mm"\n', 'width = "125 mm"\nhieght = "3 mm"\n', "section.hieght",
@@ -182,19 +182,19 @@ MISTAKES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("old", "new", "key", "said"), MISTAKES.values(), ids=MISTAKES)
-def test_mistake_is_told(write, sound, old, new, key, said):
+@pytest.mark.parametrize(("old", "new", "key", "parts"), MISTAKES.values(), ids=MISTAKES)
+def test_mistake_is_reported(write, sound, old, new, key, parts):
     assert old in sound
     path = write(sound.replace(old, new, 1))
     with pytest.raises(InputError) as caught:
         load_case(path)
     lines = [line for line in caught.value.problems if line.startswith(f"{path}: {key}")]
     assert lines, caught.value.problems
-    for words in said:
+    for words in parts:
         assert any(words in line for line in lines), lines
 
 
-def test_zones_that_are_missing_are_asked_for_as_they_are_written(write, sound):
+def test_missing_zones_are_requested_with_their_syntax(write, sound):
     without = sound[: sound.index("[[cooling]]")]
     with pytest.raises(
         InputError, match=r"cooling: is missing; at least one table \[\[cooling\]\]"
@@ -212,8 +212,8 @@ def test_zones_must_reach_the_end(write, sound):
         load_case(write(text))
 
 
-def test_all_problems_in_one_go(write, sound):
-    """A wrong unit hides neither an unknown key, nor a missing one, nor a check across keys."""
+def test_all_problems_are_reported_at_once(write, sound):
+    """A wrong unit hides neither an unknown or missing key, nor a check of several keys."""
     text = (
         sound.replace('"3.6 m/min"', '"3.6 m"')
         .replace('superheat = "40 K"\n', "")
@@ -223,7 +223,7 @@ def test_all_problems_in_one_go(write, sound):
     )
     with pytest.raises(InputError) as caught:
         load_case(write(text))
-    told = str(caught.value)
+    messages = str(caught.value)
     for words in (
         "casting.speed: ",
         "casting: superheat or temperature is missing",
@@ -232,11 +232,11 @@ def test_all_problems_in_one_go(write, sound):
         "mesh.core_size: is missing",
         "radiaton",
     ):
-        assert words in told
+        assert words in messages
     assert len(caught.value.problems) == 6
 
 
-def test_zone_is_told_by_its_name(write, sound):
+def test_zone_is_reported_with_its_name(write, sound):
     with pytest.raises(InputError, match=r'cooling\.1\.surface\.0\.ambient \(zone "air"\)'):
         load_case(write(sound.replace('"25 degC"', '"25"')))
 
@@ -255,13 +255,13 @@ def test_folder_instead_of_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "parts"),
     [
         ('title = "x"\nspeed = \n', "2, column 9"),
         ('title = "x"\n[casting\n', "2"),
         ("a = 1\na = 2\n", "2"),
         ('title = "x', "1"),
-        # A table that is there twice, named as it is written.
+        # A table that is defined twice, named as written.
         ("[mould.tube]\na = 1\n[ mould . tube ]\n", "3, column 16: [ mould . tube ] is there alr"
          "eady, in line 1; "),
         ('[[cooling]]  # one\nname = "a"\n[cooling]\n', "3, column 9: [cooling] is one of several "
@@ -278,11 +278,11 @@ def test_folder_instead_of_file(tmp_path):
          "mould.tube: "),
     ],
 )  # fmt: skip
-def test_syntax_error_names_the_line(write, text, said):
+def test_syntax_error_names_the_line(write, text, parts):
     path = write(text)
     with pytest.raises(InputError) as caught:
         load_case(path)
-    assert str(caught.value).startswith(f"{path}: line {said}")
+    assert str(caught.value).startswith(f"{path}: line {parts}")
 
 
 def test_not_utf8(tmp_path):
@@ -298,7 +298,7 @@ def test_byte_order_mark_is_no_error(tmp_path, sound):
     assert load_case(path).title == "billet"
 
 
-def test_a_count_that_begins_at_one(write, sound):
+def test_counts_begin_at_one(write, sound):
     with pytest.raises(InputError, match=r"coupling\.passes: must be at least 1 \(0\)"):
         load_case(write(sound), ["mechanics.law=norton_hoff_kozlowski", "coupling.passes=0"])
     with pytest.raises(InputError, match=r"checkpoint_every: must not be negative \(-1\)"):

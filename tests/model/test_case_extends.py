@@ -1,4 +1,4 @@
-"""Cases that extend others: what is merged and replaced, and which file a fault is said of."""
+"""Cases that extend others: merging and replacing, and the file named in an error."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_problems_name_the_file_of_the_chain(write, sound):
     ]
 
 
-def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_last(write, sound):
+def test_mistake_of_two_keys_names_the_last_file_of_both(write, sound):
     base = write(sound, "base.toml")
     both = '[casting]\nsuperheat = "30 K"\ntemperature = "1540 degC"\n'
     top = write(f'extends = "base.toml"\n{both}', "top.toml")
@@ -65,7 +65,7 @@ def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_
     write('extends = "top.toml"\n[mesh]\norder = 2\n', "last.toml")
     with pytest.raises(InputError, match=f"^{top}: casting: superheat and temperature exclude"):
         load_case(top.parent / "last.toml")
-    write('casting = 3\nextends = "top.toml"\n', "last.toml")  # of which nothing was joined
+    write('casting = 3\nextends = "top.toml"\n', "last.toml")  # nothing was merged here
     with pytest.raises(InputError, match=f"^{top.parent}/last.toml: casting: "):
         load_case(top.parent / "last.toml")
     write(sound.replace('"5 mm"', '"70 mm"'), "base.toml")
@@ -74,19 +74,19 @@ def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_
         load_case(top)
 
 
-def test_keys_that_exclude_each_other_are_said_of_the_file_of_the_later_one(write, sound):
+def test_exclusive_keys_name_the_file_of_the_later_one(write, sound):
     spray = 'law = "spray"\nflow = "9 L/min"\ncorrelation = "nozaki"\nwater_temperature = "25 degC"'
     write(sound + f"[[cooling.surface]]\n{spray}\n", "base.toml")
     more = write('extends = "base.toml"\n[cooling.air.spray]\nshare = 0.5\n', "more.toml")
     write('extends = "more.toml"\n[cooling.air.spray]\nmachine_factor = 4\n', "last.toml")
-    for name, given, where in (
+    for name, overrides, where in (
         ("last", [], str(more)),
         ("base", ["cooling.air.spray.share=0.5"], "--set"),
     ):
         with pytest.raises(InputError) as caught:
-            load_case(more.parent / f"{name}.toml", given)
-        told = [p for p in caught.value.problems if "flow and share exclude each other" in p]
-        assert [line.partition(": ")[0] for line in told] == [where]
+            load_case(more.parent / f"{name}.toml", overrides)
+        found = [p for p in caught.value.problems if "flow and share exclude each other" in p]
+        assert [line.partition(": ")[0] for line in found] == [where]
 
 
 def test_extends_in_a_circle(write):
@@ -108,7 +108,7 @@ def test_extended_file_not_found(write, sound):
 
 
 def test_extends_a_shipped_case_by_its_name(write):
-    """As `castfem run` takes it; a file of that name beside the case comes first."""
+    """As in `castfem run`; a file of that name next to the case has precedence."""
     path = write('extends = "billet125/thermal"\n[casting]\nlength = "20 mm"\n')
     case, whole = load_case(path), load_case(shipped()["billet125/thermal"])
     assert case.casting.length == 0.02

@@ -36,16 +36,16 @@ def test_zones_are_cut_at_the_followed_length(write, sound):
     spans = load_case(write(), ["casting.length=20 m"]).zones()
     assert [(s.name, s.start, s.end) for s in spans] == [("mould", 0.0, 0.6), ("air", 0.6, 20.0)]
     assert spans[1].laws[0][0] == ("wide_face", "narrow_face", "corner")
-    assert [span.whole for span in spans] == [True, False]  # the air goes on below
+    assert [span.whole for span in spans] == [True, False]  # the air continues below
     (within,) = load_case(write(), ["casting.length=0.4 m"]).zones()
     assert (within.end, within.whole) == (0.4, False)
 
 
-def test_the_mould_ends_where_its_table_or_its_zones_say(write, sound):
+def test_mould_ends_by_its_table_or_its_zones(write, sound):
     assert load_case(write()).mould_exit() == 0.6
     assert load_case(write(), MOULD).mould_exit() == 0.6
     deeper = load_case(write(), ["casting.length=0.4 m", *MOULD[1:], "mould.length=800 mm"])
-    assert deeper.mould_exit() == 0.8  # its end lies beyond the run
+    assert deeper.mould_exit() == 0.8  # its end is beyond the run
     parts = "".join(
         f'[[cooling]]\nname = "{name}"\nto = "{to} mm"\n[[cooling.surface]]\nlaw = "{law}"\n'
         for name, to, law in (
@@ -56,12 +56,12 @@ def test_the_mould_ends_where_its_table_or_its_zones_say(write, sound):
     )
     zones = sound[: sound.index("[[cooling]]")] + parts
     assert load_case(write(zones)).mould_exit() == 0.6
-    # Without the name it is the wall that tells, without a wall there is no mould.
+    # Without the name the wall identifies the mould, without a wall there is none.
     assert load_case(write(), ["cooling.0.name=A"]).mould_exit() == 0.6
     assert load_case(write(zones), ["cooling.0.name=A"]).mould_exit() is None
 
 
-def test_tables_left_out_have_their_keys_by_bare_names(write):
+def test_keys_of_omitted_tables_have_bare_names(write):
     case = load_case(write(), ["figures=false", "every=1 s", "largest=1 s"])
     assert not case.output.figures and case.output.every == 1.0
     assert case.thermal.time.adaptive.largest == 1.0
@@ -71,7 +71,7 @@ def test_tables_left_out_have_their_keys_by_bare_names(write):
         load_case(write(), ["interval=1 s"])
 
 
-def test_a_key_of_the_adaptive_step_takes_the_place_of_a_fixed_one(write, sound):
+def test_key_of_the_adaptive_step_replaces_a_fixed_one(write, sound):
     text = sound + '[thermal.time]\nstep = "1 s"\n'
     case = load_case(write(text), ['thermal.time.adaptive.tolerance="0.3 K"'])
     assert case.thermal.time.step is None
@@ -84,7 +84,7 @@ def test_sharp_corners_have_no_corner_group(write, sound):
     assert case.zones()[0].laws[0][0] == ("wide_face", "narrow_face")
 
 
-def test_a_strip_is_cooled_at_its_surface(write, sound):
+def test_strip_is_cooled_at_its_surface(write, sound):
     text = sound.replace('shape = "rectangle"', 'shape = "strip"\nlength = "50 mm"').replace(
         'width = "125 mm"\nheight = "125 mm"\ncorner_radius = "5 mm"', 'width = "1 mm"'
     )
@@ -108,7 +108,7 @@ def test_override(write, assignment, attribute, value):
 
 
 @pytest.mark.parametrize(
-    ("assignment", "said"),
+    ("assignment", "message"),
     [
         ("casting.length", "write it as key=value"),
         ("casting.lenght=1 m", "casting.lenght: unknown key"),
@@ -119,17 +119,17 @@ def test_override(write, assignment, attribute, value):
         ("time.step=1 s", "; did you mean thermal.time?"),
     ],
 )
-def test_bad_override(write, assignment, said):
+def test_bad_override(write, assignment, message):
     with pytest.raises(InputError) as caught:
         load_case(write(), [assignment])
     assert all(line.startswith("--set: ") for line in caught.value.problems)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 MOULD_WORD = "[mould]\ncontact = %s\n"
 
 
-def test_keys_join_the_model_of_bulging_that_one_word_gave():
+def test_keys_join_the_model_of_bulging_of_one_word():
     case = shipped()["slab1200/bulging"]
     bulging = load_case(case, ["mechanics.bulging.axial_strain=true"]).mechanics.bulging
     assert bulging.model == "creep" and bulging.axial_strain
@@ -139,8 +139,8 @@ def test_keys_join_the_model_of_bulging_that_one_word_gave():
     assert bulging.model == "elastic" and not bulging.axial_strain
 
 
-def test_keys_join_the_method_of_contact_that_one_word_gave(write, tmp_path):
-    """In the same case, and in one that extends it: the method stays."""
+def test_keys_join_the_method_of_contact_of_one_word(write, tmp_path):
+    """In the same case, and in one that extends it: the method is kept."""
     nitsche = [*MOULD, "mould.contact=nitsche"]
     touch = load_case(write(), [*nitsche, "mould.contact.factor=9"]).mould.contact
     assert (touch.method, touch.factor) == ("nitsche", 9.0)
@@ -158,13 +158,13 @@ def test_keys_join_the_method_of_contact_that_one_word_gave(write, tmp_path):
         load_case(inherits)
 
 
-def test_a_word_that_stands_for_no_table_is_told_what_does(write):
-    """What the message proposes can be used."""
+def test_word_in_place_of_a_table_is_reported_with_a_fix(write):
+    """The proposal of the message is valid."""
     with pytest.raises(InputError) as caught:
         load_case(write(), [*MOULD, "mould.friction=coulomb"])
     (line,) = caught.value.problems
-    mend = line.partition("such as ")[2].partition(" (")[0]
-    assert load_case(write(), [*MOULD, f"mould.friction={mend}"]).mould.friction.law == "coulomb"
+    fix = line.partition("such as ")[2].partition(" (")[0]
+    assert load_case(write(), [*MOULD, f"mould.friction={fix}"]).mould.friction.law == "coulomb"
 
 
 def test_resolved_case_reads_back_equal(write, sound, tmp_path):
@@ -190,7 +190,7 @@ def test_resolved_case_reads_back_equal(write, sound, tmp_path):
     ],
 )  # fmt: skip
 def test_negative_options_of_a_solver_are_refused(write, name, value, sound):
-    """PETSc takes a default of its own for them; what is no number PETSc refuses itself."""
+    """PETSc replaces them by its defaults; it refuses itself what is no number."""
     given = [f'thermal.solver.{name}="{value}"']
     if sound:
         assert load_case(write(), given).thermal.solver == {name: value if value != -1 else "-1"}
@@ -206,7 +206,7 @@ def test_resolved_case_finds_its_steel_file(write, sound):
     assert load_case(write(case.resolved_toml(), "out/case.toml")) == case
 
 
-def test_hash_follows_the_physics_alone(write, sound, tmp_path):
+def test_hash_depends_on_the_physics_only(write, sound, tmp_path):
     case = load_case(write())
     same = case.with_(
         {"title": "x", "output.every": "1 s", "output.fields": [], "casting.length": "2 m"}
@@ -223,7 +223,7 @@ def test_hash_follows_the_physics_alone(write, sound, tmp_path):
         assert case.with_({key: value}).physics_hash() != case.physics_hash(), key
 
 
-def test_hash_follows_the_content_of_the_steel_file(write, sound):
+def test_hash_depends_on_the_content_of_the_steel_file(write, sound):
     steel = write("a = 1\n", "steel.toml")
     case = load_case(write(sound.replace('"carbon_042"', '"./steel.toml"')))
     before = case.physics_hash()
@@ -232,7 +232,7 @@ def test_hash_follows_the_content_of_the_steel_file(write, sound):
     assert case.physics_hash() != before
 
 
-def test_with_changes_a_copy(write):
+def test_with_returns_a_changed_copy(write):
     case = load_case(write())
     changed = case.with_({"casting.speed": "1.2 m/min"}, title="slow")
     assert (changed.casting.speed, changed.title) == (0.02, "slow")
@@ -247,7 +247,7 @@ def test_from_document(write, sound):
         from_document({"title": "x"})
 
 
-def test_references_hold_where_the_run_ends(write, sound):
+def test_references_apply_at_the_end_of_the_run(write, sound):
     text = (
         sound + '[[reference]]\nquantity = "gap_max"\nvalue = "1 mm"\nsource = "s"\nat = "600 mm"\n'
     )
@@ -257,7 +257,7 @@ def test_references_hold_where_the_run_ends(write, sound):
 
 
 def test_cases_are_loaded_without_heavy_modules(write):
-    """Neither DOLFINx nor MPI nor gmsh nor plotting comes along."""
+    """Without DOLFINx, MPI, gmsh and plotting."""
     code = (
         "import sys; from castfem.model import load_case; load_case(sys.argv[1]); "
         "bad = {'dolfinx', 'gmsh', 'mpi4py', 'petsc4py', 'ufl', 'matplotlib', 'pandas', "
@@ -266,8 +266,8 @@ def test_cases_are_loaded_without_heavy_modules(write):
     subprocess.run([sys.executable, "-c", code, str(write())], check=True)
 
 
-def test_the_commands_are_known_without_the_models_of_cases():
-    """`castfem --help` and the shell's completion answer without numpy and pydantic."""
+def test_commands_load_without_the_models_of_cases():
+    """`castfem --help` and completion need neither numpy nor pydantic."""
     code = (
         "import sys, castfem.cli.app; bad = {'numpy', 'pydantic', 'pint', 'castfem.model'} "
         "& set(sys.modules); assert not bad, bad"
@@ -293,7 +293,7 @@ def test_overrides_take_bare_names(write, sound):
         ("cooling.spray 1.to", "2 m", "cooling.spray 1.to"),  # the zone's own
     ],
 )
-def test_the_heat_law_of_a_zone_may_be_left_out(short, value, full):
+def test_heat_law_of_a_zone_may_be_omitted(short, value, full):
     short_case, full_case = (load("billet125/thermal").with_({k: value}) for k in (short, full))
     assert short_case.document() == full_case.document()
     assert short_case.document() != load("billet125/thermal").document()
@@ -307,12 +307,12 @@ def test_the_heat_law_of_a_zone_may_be_left_out(short, value, full):
         ("cooling.moud.coefficient", "'moud' is not an entry of cooling"),
     ],
 )
-def test_a_heat_law_that_is_not_clear_is_asked_for(key, text):
+def test_ambiguous_heat_law_is_refused(key, text):
     with pytest.raises(InputError, match=text):
         load("billet125/thermal").with_({key: "20 degC"})
 
 
-def test_the_title_says_what_was_changed(write, sound):
+def test_title_contains_the_changes(write, sound):
     plain = load_case(write()).title
     changes = ["casting.speed=3 m/min", "output.figures=false"]
     case = load_case(write(), changes)

@@ -1,4 +1,4 @@
-"""Values that a case may have, but that were probably not meant."""
+"""Values that a case may have, but that are unlikely."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _warnings(*changes: str) -> tuple[str, ...]:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ("mould.taper=20 %/m", "mould.taper: the mould closes by 12 %; did you mean 2 %/m?"),
         (
@@ -41,11 +41,11 @@ def _warnings(*changes: str) -> tuple[str, ...]:
         (ROUGH % 30, "(30) is more than 2 times the pressure; did you mean 0.3?"),
     ],
 )
-def test_what_was_hardly_meant(change: str, said: str) -> None:
+def test_unlikely_values_give_a_warning(change: str, message: str) -> None:
     (line,) = _warnings(change)
     assert line.startswith("--set: ")
-    assert said in line
-    assert ("did you mean" in line) == ("did you mean" in said)
+    assert message in line
+    assert ("did you mean" in line) == ("did you mean" in message)
 
 
 def test_cells_as_thick_as_a_shell() -> None:
@@ -55,7 +55,7 @@ def test_cells_as_thick_as_a_shell() -> None:
     assert "mesh.corner_size: cells of 25 mm along a corner of radius 5 mm" in corner
 
 
-def test_cells_longer_than_a_sixth_of_the_corners_radius() -> None:
+def test_long_cells_at_a_corner_give_a_warning() -> None:
     (line,) = _warnings("mesh.corner_size=0.9 mm")
     assert "mesh.corner_size: cells of 0.9 mm" in line and "0.833333 mm or less" in line
     assert not _warnings("mesh.corner_size=0.83 mm")
@@ -65,20 +65,20 @@ ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "m
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "message"),
     [
         (("[0, 600]", "[125.8, 124.9]"), "125.8 mm at the meniscus look like a size of the cavity"),
         (("[100, 600]", "[0.1, 0.5]"), "the table begins 100 mm below the meniscus with 0.1 mm,"),
         (("[0, 700]", "[0, 0.5]"), "the table continues to 700 mm below the meniscus, the mould"),
         (("[0, 400]", "[0, 0.5]"), "the table ends 400 mm below the meniscus, the mould ends 600 "),
-        (("[0, 600]", "[0.2, 0.7]"), ""),  # the value at the meniscus is taken off
+        (("[0, 600]", "[0.2, 0.7]"), ""),  # the value at the meniscus is subtracted
         (("[0, 300, 300.1]", "[0, 0, 0.5]"), ""),  # a step
     ],
 )
-def test_a_wall_measured_otherwise_than_it_is_taken(rows: tuple[str, str], said: str) -> None:
-    told = _warnings(ROWS % rows)
-    assert [line.removeprefix("--set: mould.taper: ")[: len(said)] for line in told] == (
-        [said] if said else []
+def test_ambiguous_tables_of_the_wall_give_a_warning(rows: tuple[str, str], message: str) -> None:
+    lines = _warnings(ROWS % rows)
+    assert [line.removeprefix("--set: mould.taper: ")[: len(message)] for line in lines] == (
+        [message] if message else []
     )
 
 
@@ -86,7 +86,7 @@ def test_a_wall_measured_otherwise_than_it_is_taken(rows: tuple[str, str], said:
     ("written", "percent"),
     [("0.18", 0.18), ("'0.18'", 0.18), ("'0.18 %'", 0.18), ("'1800 ppm'", 0.18)],
 )
-def test_a_composition_in_per_cent_is_one(written: str, percent: float) -> None:
+def test_composition_in_per_cent_is_one(written: str, percent: float) -> None:
     """`"0.18 %"` is no share of 0.0018."""
     changes = ("steel.name=plain_carbon", f"steel.composition={{ C = {written} }}")
     case = read_case(TAPERED, changes).case
@@ -95,19 +95,19 @@ def test_a_composition_in_per_cent_is_one(written: str, percent: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ("casting.temperature=2500 degC", ["--set: casting.temperature: 997.5 K above the liq"]),
         ("casting.superheat=150 K", []),
         ("casting.temperature=1600 degC", []),
     ],
 )
-def test_steel_hotter_than_any_is_poured(change: str, said: list[str]) -> None:
+def test_too_hot_steel_gives_a_warning(change: str, message: list[str]) -> None:
     reading = read_case(TAPERED, (change,))
     assert isinstance(reading.case, Case)
     problems = warnings_with(reading.case, load_steel("carbon_042"))
     found = [line for line in map(reading.line, problems) if "above the liquidus" in line]
-    assert [line[: len(one)] for line, one in zip(found, said, strict=True)] == said
+    assert [line[: len(one)] for line, one in zip(found, message, strict=True)] == message
 
 
 HEAT = "cooling.mould.surface=[%s]"
@@ -120,19 +120,19 @@ FOLLOWS = 'is not changed by the gap that opens in the mould; heat that is to fo
 
 
 @pytest.mark.parametrize(
-    ("laws", "said"),
+    ("laws", "message"),
     [
         (['{law="flux", value="1 MW/m^2"}'], "0: a given flux " + FOLLOWS),
         ([CONTACT % ', gap="0 mm"'], "0: contact with a gap of its own " + FOLLOWS),
         ([CONTACT % ', on=["wide"]', RADIATION % ""], "1: radiation " + FOLLOWS),
     ],
 )
-def test_heat_that_the_gap_does_not_change(laws: list[str], said: str) -> None:
+def test_heat_independent_of_the_gap_gives_a_warning(laws: list[str], message: str) -> None:
     (line,) = _warnings(HEAT % ", ".join(laws))
-    assert f"cooling.0.surface.{said}" in line.replace(' (zone "mould")', "")
+    assert f"cooling.0.surface.{message}" in line.replace(' (zone "mould")', "")
 
 
-def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
+def test_radiation_without_a_gap_gives_a_warning() -> None:
     thermal = TAPERED.with_name("thermal.toml")
     both = HEAT % ", ".join([CONTACT % "", RADIATION % ""])
     (line,) = read_case(thermal, [both]).warnings
@@ -144,7 +144,7 @@ def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
     )
     apart = [CONTACT % ', on=["wide"]', RADIATION % ', on=["narrow", "corner"]']
     assert read_case(thermal, [HEAT % ", ".join(apart)]).warnings == ()
-    assert _warnings(both) == ()  # there is a mould, and its gap
+    assert _warnings(both) == ()  # there is a mould with a gap
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
         ROUGH % 1,
     ],
 )
-def test_what_may_be_meant(change: str) -> None:
+def test_plausible_values_give_no_warning(change: str) -> None:
     assert _warnings(change) == ()
 
 
@@ -168,7 +168,7 @@ SPRAYED = (
 
 
 @pytest.mark.parametrize(
-    ("water", "correlation", "said"),
+    ("water", "correlation", "message"),
     [
         ("72 L/(m^2 s)", "wendelstorf", "measured for, 3 to 30 L/(m^2 s): the coefficient is that"),
         ("9 L/(m^2 s)", "bolle", "1 to 7 L/(m^2 s): extrapolated"),
@@ -178,15 +178,15 @@ SPRAYED = (
         ("5 L/(m^2 s)", "wendelstorf", None),
     ],
 )
-def test_water_beyond_what_was_measured_is_told(water, correlation, said) -> None:
+def test_water_beyond_the_measurements_gives_a_warning(water, correlation, message) -> None:
     found = read_case(THERMAL, [SPRAYED % (water, correlation)]).warnings
-    assert len(found) == (said is not None)
-    assert all(said in line and "cooling.0.surface.0.water" in line for line in found)
+    assert len(found) == (message is not None)
+    assert all(message in line and "cooling.0.surface.0.water" in line for line in found)
 
 
-def test_a_spray_without_radiation_is_told() -> None:
-    alone = SPRAYED.replace(',{law="radiation",ambient="25 degC",emissivity=0.8}', "")
-    (line,) = read_case(THERMAL, [alone % ("5 L/(m^2 s)", "nozaki")]).warnings
+def test_spray_without_radiation_gives_a_warning() -> None:
+    single = SPRAYED.replace(',{law="radiation",ambient="25 degC",emissivity=0.8}', "")
+    (line,) = read_case(THERMAL, [single % ("5 L/(m^2 s)", "nozaki")]).warnings
     assert "a spray without radiation" in line
 
 
@@ -196,16 +196,16 @@ def test_a_spray_without_radiation_is_told() -> None:
         ([AIR % '"wide_face"', AIR % '"narrow_face"'], "corner"),  # the arc between the faces
         ([AIR % '"corner"'], "wide_face, narrow_face"),
         ([AIR % '"wide", "narrow", "corner"'], ""),
-        ([], ""),  # a whole zone may be insulated
+        ([], ""),  # a full zone may be insulated
     ],
 )
-def test_a_part_of_the_surface_that_is_left_out_is_told(laws: list[str], left_out: str) -> None:
+def test_uncooled_part_of_the_surface_gives_a_warning(laws: list[str], left_out: str) -> None:
     found = [w for w in _warnings(f"cooling.air.surface=[{', '.join(laws)}]") if "no heat" in w]
     assert len(found) == bool(left_out)
     assert not found or f"no heat law holds on {left_out}: " in found[0]
 
 
-def test_kelvin_for_degrees_is_told() -> None:
+def test_kelvin_for_degrees_gives_a_warning() -> None:
     (line,) = read_case(THERMAL, ["cooling.mould.surface.0.wall=160 K"]).warnings
     assert '(160 K) is -113.2 degC; did you mean "160 degC"?' in line
 
@@ -220,7 +220,7 @@ def _with(steel: dict[str, object], law_carbon: float | None, *changes: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("changes", "mend"),
+    ("changes", "fix"),
     [
         ([], None),
         (["mechanics.law=kozlowski_zhu"], 'give "kozlowski_zhu_signed"'),
@@ -228,8 +228,8 @@ def _with(steel: dict[str, object], law_carbon: float | None, *changes: str) -> 
         (["mechanics.law=kozlowski_zhu", "mechanics.bulging=elastic"], None),
     ],
 )
-def test_a_strip_whose_law_hardens_for_good_is_told_once(
-    changes: list[str], mend: str | None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+def test_hardening_law_of_a_strip_gives_one_warning(
+    changes: list[str], fix: str | None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     from castfem.cli.checking import check_case
     from castfem.physics.constitutive import parameters
@@ -239,18 +239,18 @@ def test_a_strip_whose_law_hardens_for_good_is_told_once(
     given = [change.replace("%s", str(own)) for change in changes]
     check_case("slab", TAPERED.parents[1] / "slab1200" / "bulging.toml", given)
     out, err = capfd.readouterr()
-    told = [line for line in (out + err).splitlines() if "hardens further" in line]
-    assert len(told) == (mend is not None)
-    if mend is not None:
-        assert "mechanics.law: (" in told[0] and "what 4 pitches make of virgin steel" in told[0]
-        assert mend in told[0]
+    lines = [line for line in (out + err).splitlines() if "hardens further" in line]
+    assert len(lines) == (fix is not None)
+    if fix is not None:
+        assert "mechanics.law: (" in lines[0] and "what 4 pitches make of virgin steel" in lines[0]
+        assert fix in lines[0]
 
 
-@pytest.mark.parametrize(("limit", "told"), [("automatic", True), ("0 MPa", False)])
-def test_signed_strain_that_finds_its_yield_limit_is_told(
-    limit: str, told: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("limit", "warned"), [("automatic", True), ("0 MPa", False)])
+def test_yield_limit_of_a_signed_law_gives_a_warning(
+    limit: str, warned: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """The shipped set has none; one that finds it ends a bent slab without equilibrium."""
+    """The shipped set has none; with one a bent slab ends without equilibrium."""
     from castfem.cli.checking import check_case
     from castfem.physics.constitutive import parameters
 
@@ -261,10 +261,10 @@ def test_signed_strain_that_finds_its_yield_limit_is_told(
     own.write_text(text.replace('yield_limit = "0 MPa"', f'yield_limit = "{limit}"'))
     slab = TAPERED.parents[1] / "slab1200" / "bending.toml"
     check_case("slab", slab, [f"mechanics.law={own}"])
-    assert ('give it yield_limit = "0 MPa"' in "".join(capfd.readouterr())) == told
+    assert ('give it yield_limit = "0 MPa"' in "".join(capfd.readouterr())) == warned
 
 
-def test_what_does_not_fit_the_steel_is_told() -> None:
+def test_data_that_do_not_fit_the_steel_give_a_warning() -> None:
     assert _with({"C": 0.1}, 0.1) == []
     assert _with({"C": 0.2}, None) == []
     (line,) = _with({"C": 0.2}, 0.1)
@@ -276,13 +276,13 @@ def test_what_does_not_fit_the_steel_is_told() -> None:
     assert "lies below the liquidus of plain_carbon" in line and "% of solid" in line
 
 
-# Slabs whose upper rows of nozzles reach the edges on purpose, and spray past them a little.
+# Slabs whose upper rows of nozzles intentionally reach the edges, and spray slightly past them.
 OVER_THE_EDGE = ("edges", "warm_edges", "nozzles_47_52")
 
 
 @pytest.mark.parametrize(("end", "roll", "off"), [("4.11 m", 15, "0.086"), ("2.322 m", 8, "0.5")])
-def test_a_zone_that_ends_beside_a_roll_is_told(end: str, roll: int, off: str) -> None:
-    """Between the two lies a window of milliseconds, whose strain rate is that of a jump."""
+def test_zone_that_ends_near_a_roll_gives_a_warning(end: str, roll: int, off: str) -> None:
+    """A window of milliseconds is between the two, whose strain rate is that of a jump."""
     slab = TAPERED.parents[1] / "slab1200" / "slab.toml"
     zone = "bender" if roll == 15 else "top"
     (line,) = read_case(slab, (f"cooling.{zone}.to={end}",)).warnings
@@ -290,20 +290,20 @@ def test_a_zone_that_ends_beside_a_roll_is_told(end: str, roll: int, off: str) -
     assert f"({end}) is {off} mm off roll {roll}: " in line and f'give "{place} m"' in line
     assert not read_case(slab, (f"cooling.{zone}.to={place} m",)).warnings
     assert not read_case(slab, (f"cooling.{zone}.to={float(place) - 0.05} m",)).warnings
-    thermal = slab.with_name("thermal.toml")  # a step of milliseconds does heat no harm
+    thermal = slab.with_name("thermal.toml")  # a step of milliseconds does not matter for heat
     assert not read_case(thermal, (f"cooling.{zone}.to={end}",)).warnings
 
 
 @pytest.mark.parametrize("path", shipped_cases.shipped().values(), ids=shipped_cases.shipped())
-def test_shipped_cases_are_meant(path: Path) -> None:
-    told = read_case(path).warnings
+def test_shipped_cases_give_no_warning(path: Path) -> None:
+    lines = read_case(path).warnings
     if path.stem in OVER_THE_EDGE:
-        assert len(told) == 2 and all("4 % of the water misses the face" in one for one in told)
+        assert len(lines) == 2 and all("4 % of the water misses the face" in one for one in lines)
     else:
-        assert told == ()
+        assert lines == ()
 
 
-def test_a_faulty_case_has_other_worries() -> None:
+def test_faulty_case_gives_no_warnings() -> None:
     reading = read_case(TAPERED, ["mould.taper=20 %/m", "casting.length=3"])
     assert len(reading.problems) == 1
     assert reading.warnings == ()
@@ -313,7 +313,7 @@ SLABS = TAPERED.parents[1] / "slab1200"
 
 
 @pytest.mark.parametrize(
-    ("case", "changes", "said"),
+    ("case", "changes", "message"),
     [
         (TAPERED, ("coupling.passes=1", "coupling.window_error=3 K"),
          "error: has no effect with p"),
@@ -326,18 +326,20 @@ SLABS = TAPERED.parents[1] / "slab1200"
          "friction_axis: has no effect beside a maker's curve"),
     ],
 )  # fmt: skip
-def test_keys_that_change_nothing(case: Path, changes: tuple[str, ...], said: str) -> None:
-    """They are told; the same keys where they do something are not."""
+def test_ineffective_keys_give_a_warning(
+    case: Path, changes: tuple[str, ...], message: str
+) -> None:
+    """The same keys give none where they have an effect."""
     plain = read_case(case)
     assert not plain.problems and not any("no effect" in line for line in plain.warnings)
     reading = read_case(case, changes)
     assert not reading.problems
     (line,) = (line for line in reading.warnings if "no effect" in line)
-    assert said in line
+    assert message in line
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         (("thermal.time.step=1 s",), "thermal.time.step: (1 s) is cut to output.every (0.5 s)"),
         (("thermal.time.adaptive={largest='3 s'}",), "adaptive.largest: (3 s) is cut to output"),
@@ -345,18 +347,16 @@ def test_keys_that_change_nothing(case: Path, changes: tuple[str, ...], said: st
         (("thermal.time.step=1 s", "output.fields=[]"), ""),
     ],
 )
-def test_a_step_beyond_the_next_state_of_the_fields_is_told(
-    changes: tuple[str, ...], said: str
-) -> None:
+def test_step_beyond_the_next_state_gives_a_warning(changes: tuple[str, ...], message: str) -> None:
     reading = read_case(TAPERED.with_name("thermal.toml"), changes)
     assert not reading.problems
-    told = [line for line in reading.warnings if "output.every" in line]
-    assert len(told) == bool(said) and said in "".join(told)
+    lines = [line for line in reading.warnings if "output.every" in line]
+    assert len(lines) == bool(message) and message in "".join(lines)
 
 
-def test_what_an_accuracy_sets_is_no_fault_of_the_user(capsys: pytest.CaptureFixture[str]) -> None:
+def test_values_of_an_accuracy_give_no_warning(capsys: pytest.CaptureFixture[str]) -> None:
     size = "thermal.time.adaptive={largest='1 s'}"
-    told = []
+    counts = []
     for overrides, sizes in (((size,), ()), ((), (size,))):
         log.setup()
         try:
@@ -364,11 +364,11 @@ def test_what_an_accuracy_sets_is_no_fault_of_the_user(capsys: pytest.CaptureFix
         finally:
             log.close()
         assert case is not None and not problems
-        told.append(capsys.readouterr().err.count("is cut to output.every"))
-    assert told == [1, 0]
+        counts.append(capsys.readouterr().err.count("is cut to output.every"))
+    assert counts == [1, 0]
 
 
-def test_an_accuracy_says_which_results_its_cells_cannot_give(
+def test_accuracy_reports_results_beyond_its_cells(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     log.setup()
@@ -380,7 +380,7 @@ def test_an_accuracy_says_which_results_its_cells_cannot_give(
     assert "--accuracy: mesh.corner_size: cells of 2 mm along a corner" in capsys.readouterr().err
 
 
-def test_keys_of_the_coupling_that_do_something() -> None:
+def test_effective_keys_of_the_coupling_give_no_warning() -> None:
     for changes in (("coupling.passes=3", "coupling.window_error=3 K"), ("coupling.passes=1",)):
         assert not any("no effect" in line for line in _warnings(*changes))
 
@@ -393,10 +393,10 @@ def test_keys_of_the_coupling_that_do_something() -> None:
         (TAPERED.with_name("thermal.toml"), ("output.every=0.1 s", "thermal.time.adaptive={}")),
     ],
 )
-def test_a_resolved_case_says_no_more_than_the_case(
+def test_resolved_case_gives_no_further_warnings(
     case: Path, changes: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """It names every key with its default, which nobody has asked for."""
+    """It has every key with its default, although the user has set none of them."""
     written = read_case(case, changes)
     (tmp_path / "case.toml").write_text(written.case.resolved_toml(), encoding="utf-8")
     again = read_case(tmp_path / "case.toml")

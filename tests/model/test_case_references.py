@@ -1,4 +1,4 @@
-"""References and units of results: what a case may name, and when a reference is outdated."""
+"""References and units of results: permitted names, and outdated references."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REFERENCE = '\n[[reference]]\nquantity = "{}"\nvalue = "{}"\nsource = "a book"\n
 
 
 @pytest.mark.parametrize(
-    ("quantity", "value", "told"),
+    ("quantity", "value", "message"),
     [
         ("shell_mid_face", "4 kg", r'reference\.0\.value: \("4 kg"\) does not measure.*"mm"'),
         ("shell_mid_face", "4", r"reference\.0\.value"),
@@ -30,8 +30,8 @@ REFERENCE = '\n[[reference]]\nquantity = "{}"\nvalue = "{}"\nsource = "a book"\n
         ("gap_mid_faces", "4 mm", r"reference\.0\.quantity.*did you mean gap_mid_face\?"),
     ],
 )
-def test_what_no_run_could_be_compared_with(write, sound, quantity, value, told):
-    with pytest.raises(InputError, match=told):
+def test_invalid_references_are_refused(write, sound, quantity, value, message):
+    with pytest.raises(InputError, match=message):
         load_case(write(sound + REFERENCE.format(quantity, value)))
 
 
@@ -45,7 +45,7 @@ def test_other_units_and_images_of_symmetry(write, sound):
         load_case(write(sound + REFERENCE.format(quantity, value)))
 
 
-def test_the_list_has_the_results_of_a_run():
+def test_all_results_of_a_run_are_known():
     friction = 'mould.friction={law="coulomb", coefficient=0.3}'
     half = "section.symmetry=half"
     case = billet("taper_1", *FED, "casting.length=20 mm", friction, half)
@@ -70,7 +70,7 @@ def marks(case: Case) -> set[tuple[str, ...]]:
         ('casting.speed="3 m/min"', ("casting.speed",)),
         ('cooling.mould.surface.0.wall="120 degC"', ("cooling.mould.surface.0.wall",)),
         ('casting.temperature="1500 degC"', ("casting.superheat", "casting.temperature")),
-        ('casting.speed="60 mm/s"', ()),  # what it was
+        ('casting.speed="60 mm/s"', ()),  # the same value
         ('casting.length="700 mm"', ()),  # the numbers hold at 600 mm
         ("output.figures=false", ()),
     ],
@@ -87,7 +87,7 @@ def test_change_is_remembered_and_followed_by_others(tmp_path: Path) -> None:
     assert marks(again) == {("casting.speed", "steel.name")}
 
 
-def test_case_that_extends_another_inherits_its_numbers_as_such(tmp_path: Path) -> None:
+def test_inherited_numbers_are_marked_as_changed(tmp_path: Path) -> None:
     text = f'extends = "{THERMAL}"\n[casting]\nspeed = "3 m/min"\n'
     own = '[[reference]]\nquantity = "time"\nvalue = "12 s"\nsource = "arithmetic"\n'
     (tmp_path / "slow.toml").write_text(text, encoding="utf-8")
@@ -96,7 +96,7 @@ def test_case_that_extends_another_inherits_its_numbers_as_such(tmp_path: Path) 
     assert marks(load_case(tmp_path / "own.toml")) == {()}
 
 
-def test_number_at_the_end_is_of_the_length_it_was_written_for(tmp_path: Path) -> None:
+def test_number_at_the_end_belongs_to_its_length(tmp_path: Path) -> None:
     own = '[[reference]]\nquantity = "time"\nvalue = "10 s"\nsource = "arithmetic"\n'
     (tmp_path / "own.toml").write_text(f'extends = "{THERMAL}"\n{own}', encoding="utf-8")
     case = load_case(tmp_path / "own.toml", ['casting.length="500 mm"'])
@@ -114,7 +114,7 @@ def test_shipped_cases_are_unchanged() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "message"),
     [
         ('"imperial"', 'output.units: "imperial" is not a system of units'),
         ('{ shell = "MPa" }', "output.units.shell: 'MPa' is the unit of a pressure"),
@@ -123,13 +123,13 @@ def test_shipped_cases_are_unchanged() -> None:
         ("3", "output.units: .*is needed"),
     ],
 )
-def test_what_is_no_choice(write, sound, value: str, told: str) -> None:
-    with pytest.raises(InputError, match=told) as caught:
+def test_invalid_units_are_refused(write, sound, value: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         load_case(write(f"{sound}\n[output]\nunits = {value}\n"))
     assert len(caught.value.problems) == 1
 
 
-def test_a_choice_is_written_as_it_was_read(write, sound) -> None:
+def test_choice_of_units_is_written_as_read(write, sound) -> None:
     case = load_case(write(f'{sound}\n[output]\nunits = {{ system = "si", length = "inch" }}\n'))
     assert case.document()["output"]["units"] == {"system": "si", "length": "inch"}
     assert case.physics_hash() == load_case(write(sound)).physics_hash()
@@ -137,6 +137,6 @@ def test_a_choice_is_written_as_it_was_read(write, sound) -> None:
 
 
 @pytest.mark.parametrize("given", ["imperial", "length=degF", "shel=mm"])
-def test_the_command_line(given: str) -> None:
+def test_invalid_units_on_the_command_line(given: str) -> None:
     with pytest.raises(InputError, match="--units"):
         read_choice([given])

@@ -32,7 +32,7 @@ def _references(node):
             yield from _references(inner)
 
 
-def test_references_lead_somewhere():
+def test_references_are_defined():
     schema = case_schema()
     found = set(_references(schema))
     assert found
@@ -68,14 +68,14 @@ def test_schema_refuses(change, validator):
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
-def test_shipped_cases_are_sound_and_survive_resolving(path, tmp_path):
+def test_shipped_cases_are_valid_and_resolve(path, tmp_path):
     case = load_any(path)
     copy = tmp_path / "case.toml"
     copy.write_text(case.resolved_toml())
     assert load_any(copy) == case
 
 
-def test_one_key_makes_the_billet_a_whole_caster():
+def test_one_key_extends_the_billet_to_a_full_caster():
     case = load_case(shipped()["billet125/thermal"], ["casting.length=20 m"])
     spans = case.zones()
     assert [span.name for span in spans] == ["mould", "foot spray", "spray 1", "spray 2", "air"]
@@ -89,7 +89,7 @@ def test_one_key_makes_the_billet_a_whole_caster():
     ]
 
 
-def test_starter_has_a_mould_in_reserve(tmp_path):
+def test_starter_has_a_mould_in_comments(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(
         starter("mine.toml", "mine")
@@ -107,7 +107,7 @@ def test_starter_has_a_mould_in_reserve(tmp_path):
 
 def test_reference_page_is_up_to_date():
     page = (ROOT / "docs" / "case_files.md").read_text(encoding="utf-8")
-    assert page == markdown_page(), "write it anew: make pages"
+    assert page == markdown_page(), "regenerate it: make pages"
 
 
 def test_reference_page_has_every_table_and_key():

@@ -1,4 +1,4 @@
-"""[secondary], mould and zones of one case: where each ends, one line for each mistake."""
+"""[secondary], mould and zones of one case: their ends, one line for each mistake."""
 
 from __future__ import annotations
 
@@ -49,25 +49,25 @@ def of(**changes: Any) -> str:
         ({"circuit": [circuit(flow="-3 L/min")]}, "must not be below 0"),
     ],
 )  # fmt: skip
-def test_a_table_that_cannot_be(changes: dict[str, Any], text: str) -> None:
-    if not text:  # rolls 120 mm thick, 200 mm apart: their contacts just do not meet
+def test_invalid_table_is_refused(changes: dict[str, Any], text: str) -> None:
+    if not text:  # rolls 120 mm thick, 200 mm apart: their contacts just do not touch
         rolled(secondary=secondary(**changes))
         return
-    told = of(**changes)
-    assert "secondary" in told and text in told
+    message = of(**changes)
+    assert "secondary" in message and text in message
 
 
-def test_contacts_that_overlap() -> None:
-    # A contact of 171 degrees is 179 mm long, of a roll of 150 mm 224 mm: longer than the pitch.
+def test_overlapping_contacts_are_refused() -> None:
+    # A contact of 171 degrees is 179 mm long, with a roll of 150 mm 224 mm: longer than the pitch.
     segment = [{"rolls": 5, "pitch": "200 mm", "diameter": "150 mm"}]
-    # Sprays in the gap of less than nothing that is left are not told besides.
-    told = problem(
+    # Sprays in the remaining negative gap are not reported in addition.
+    message = problem(
         secondary=secondary(
             contact={"angle": "171 deg", "share": 0.1}, circuit=[circuit(rolls=[1, 5])]
         ),
         machine={"first": "300 mm", "segment": segment},
     )
-    assert "contact with rolls 1 and 2 overlap" in told
+    assert "contact with rolls 1 and 2 overlap" in message
 
 
 @pytest.mark.parametrize(
@@ -77,15 +77,19 @@ def test_contacts_that_overlap() -> None:
         ([("600 mm", "150 mm"), ("200 mm", "150 mm"), ("200 mm", "260 mm")], "roll 3"),
     ],
 )
-def test_rolls_that_overlap_are_told_alone(segment: list[tuple[str, str]], roll: str) -> None:
-    # Neither as contacts that overlap nor as sprays in a gap of less than nothing.
+def test_overlapping_rolls_are_reported_only_once(
+    segment: list[tuple[str, str]], roll: str
+) -> None:
+    # Neither as overlapping contacts nor as sprays in a negative gap.
     parts = [{"rolls": 1, "pitch": pitch, "diameter": size} for pitch, size in segment]
     machine = {"first": "600 mm", "segment": parts}
-    told = problem(machine=machine, secondary=secondary(circuit=[circuit(rolls=[1, len(parts)])]))
-    assert roll in told and "overlaps" in told
+    message = problem(
+        machine=machine, secondary=secondary(circuit=[circuit(rolls=[1, len(parts)])])
+    )
+    assert roll in message and "overlaps" in message
 
 
-def test_what_it_needs_besides() -> None:
+def test_secondary_cooling_needs_rolls_and_an_end() -> None:
     data = rolled().document()
     del data["machine"]
     with pytest.raises(InputError, match="there are none; add"):
@@ -97,7 +101,7 @@ def test_what_it_needs_besides() -> None:
     assert "what [secondary] cools needs no zone" in str(caught.value)
 
 
-def test_what_was_probably_not_meant() -> None:
+def test_unlikely_values_give_a_warning() -> None:
     wide = rolled(secondary=secondary(circuit=[circuit(flow="2000 L/min")]))
     assert [p for p in warnings(wide) if "reach the surface" in p.text] == []  # nozaki: any flow
     bolle = [FLAT | {"correlation": "bolle"}]
@@ -113,7 +117,7 @@ def test_what_was_probably_not_meant() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("temperature [degC], water [L/(m^2 s)]\n1, 2\n", "a header and rows are needed"),
         ("800, 1, 0\n800, 5, 9\n900, 1, 0\n900, 5, 9\n", "must begin at 0"),
@@ -121,15 +125,17 @@ def test_what_was_probably_not_meant() -> None:
         ("800, 0, x\n800, 5, 9\n900, 0, 0\n", "line 2: value (x)"),
     ],
 )
-def test_a_table_of_coefficients_that_cannot_be_read(tmp_path: Path, text: str, told: str) -> None:
+def test_unreadable_table_of_coefficients_is_refused(
+    tmp_path: Path, text: str, message: str
+) -> None:
     header = "temperature [degC], water [L/(m^2 s)], value [W/(m^2 K)]\n"
     (tmp_path / "h.csv").write_text(text if text.startswith("temp") else header + text)
     model = {k: v for k, v in FLAT.items() if k != "correlation"}
     found = of(nozzle=[model | {"table": {"file": str(tmp_path / "h.csv")}}])
-    assert told in found and "h.csv" in found
+    assert message in found and "h.csv" in found
 
 
-def test_it_is_written_as_it_was_read() -> None:
+def test_case_is_written_as_it_was_read() -> None:
     case = read_case(CASES / "slab1200" / "sprays.toml")
     assert case.problems == () and case.warnings == ()
     assert isinstance(case.case, Case)
@@ -137,15 +143,15 @@ def test_it_is_written_as_it_was_read() -> None:
     assert again == case.case and again.physics_hash() == case.case.physics_hash()
 
 
-def test_nozzles_share_the_flow_of_the_whole_strand() -> None:
+def test_nozzles_share_the_flow_of_the_strand() -> None:
     base = circuit(rolls=[2, 5], across=["-10 mm", "10 mm"])
     for on, faces in ((["wide_face"], 2), (["wide_face_intrados"], 1), (["narrow_face"], 2)):
         assert Circuit.model_validate(base | {"on": on}).nozzles() == faces * 3 * 2
 
 
 @pytest.mark.parametrize("name", ["wide", "wide_face", "wide_face_intrados"])
-def test_a_name_stands_for_the_faces_that_begin_with_it(name: str) -> None:
-    """Nozzles far from the middle stand on a wide face, not outside of a narrow one."""
+def test_name_represents_the_faces_that_begin_with_it(name: str) -> None:
+    """Nozzles far from the middle are on a wide face, not outside a narrow one."""
     wide = circuit(on=[name], across=["-70 mm", "70 mm"])
     assert Circuit.model_validate(wide).wide
     assert rolled(secondary=secondary(circuit=[wide])) is not None
@@ -161,7 +167,7 @@ AIR = "cooling.air.surface"
 
 @pytest.fixture
 def moulded(write, sound):
-    """Write a case with a mould of 600 mm and a zone of contact as long."""
+    """Return a function that writes a case with a mould of 600 mm and a zone of contact as long."""
 
     def _moulded(text: str = FOLLOWS):
         curved = sound.replace("[mesh]\n", "[mesh]\norder = 2\n")
@@ -179,16 +185,16 @@ def moulded(write, sound):
         ("mould.length=700 mm",),
         (f"{END}=700 mm", "mould.length=700 mm", f"{LENGTH}=2 m"),
         (f"{END}=700 mm", f"{LENGTH}=700 mm", "cooling.mould.surface.0.gap=0.1 mm"),
-        # Below the contact the flux to the mould is given.
+        # Below the contact the flux to the mould is prescribed.
         ("mould.length=700 mm", f"{LENGTH}=2 m", f'{AIR}=[{{law="flux", value="1 MW/m^2"}}]'),
     ],
 )
-def test_a_zone_that_ends_with_the_mould_is_sound(moulded, changes):
+def test_zone_that_ends_with_the_mould_is_valid(moulded, changes):
     assert load_case(moulded(), changes).mould is not None
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         (
             ("mould.length=50 mm", f"{LENGTH}=120 mm"),
@@ -211,14 +217,14 @@ def test_a_zone_that_ends_with_the_mould_is_sound(moulded, changes):
         ),
     ],
 )  # fmt: skip
-def test_contact_and_mould_that_do_not_end_together(moulded, changes, said):
+def test_contact_and_mould_with_different_ends_are_refused(moulded, changes, message):
     with pytest.raises(InputError) as caught:
         load_case(moulded(), changes)
     (problem,) = caught.value.problems
-    assert said in problem
+    assert message in problem
 
 
-def test_where_the_wall_changes(moulded):
+def test_positions_where_the_wall_changes(moulded):
     path = moulded()
     assert load_case(path).mould_knots() == (0.0, 0.6)
     stretches = "[{ to = '200 mm', taper = '2 %/m' }, { taper = '1 %/m' }]"
@@ -231,7 +237,7 @@ def test_where_the_wall_changes(moulded):
     assert cold.mould_knots() == (0.0, 0.05, 0.1, 0.2, 0.6)
 
 
-def test_no_mould_changes_nowhere(write):
+def test_no_mould_has_no_changes(write):
     assert load_case(write()).mould_knots() == ()
 
 
@@ -243,11 +249,11 @@ def test_fields_of_contact_are_written_with_a_mould(moulded, write, sound):
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_cells_of_first_order_are_not_for_a_mould(moulded, cell):
+def test_first_order_cells_are_refused_with_a_mould(moulded, cell):
     with pytest.raises(InputError, match=r"mesh\.order: \(1\) makes .* give order = 2"):
         load_case(moulded(), ("mesh.order=1", f"mesh.cell={cell}"))
 
 
-def test_cells_of_first_order_do_for_a_sharp_corner(moulded):
+def test_first_order_cells_are_allowed_at_a_sharp_corner(moulded):
     case = load_case(moulded(), ("mesh.order=1", "section.corner_radius=0 mm"))
     assert case.mesh.order == 1

@@ -1,4 +1,4 @@
-"""Sections: what a new shape costs, boundary groups, planes, a case given another shape."""
+"""Sections: a new shape, boundary groups, planes, a case with another shape."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def square(
 
 @pytest.fixture
 def shape(monkeypatch: pytest.MonkeyPatch) -> type[Section]:
-    """A shape that only the test with this fixture has."""
+    """Return a shape that exists only in the test with this fixture."""
     monkeypatch.setattr(Section, "kinds", dict(Section.kinds))
     monkeypatch.setitem(BUILDERS, "square", f"{__name__}:square")
 
@@ -62,19 +62,19 @@ def shape(monkeypatch: pytest.MonkeyPatch) -> type[Section]:
 
 @pytest.fixture
 def case(tmp_path: Path) -> castfem.Case:
-    """A sharp billet of 100 mm."""
+    """Return a sharp billet of 100 mm."""
     changes = {"section.corner_radius": "0 mm", "output.every": "1 s"}
     return castfem.load(write_small(tmp_path)).with_(changes)
 
 
-def test_a_new_shape_runs(case: castfem.Case, shape: type[Section]) -> None:
-    """As the rectangle that it is."""
+def test_new_shape_runs(case: castfem.Case, shape: type[Section]) -> None:
+    """With the results of the equal rectangle."""
     new = case.with_({"section": {"shape": "square", "side": "100 mm"}})
     runs = [castfem.run(one).history for one in (case, new)]
     assert runs[0].equals(runs[1]) and len(runs[0]) > 10
 
 
-def test_a_new_shape_is_checked_and_described(case: castfem.Case, shape: type[Section]) -> None:
+def test_new_shape_is_checked_and_described(case: castfem.Case, shape: type[Section]) -> None:
     new = case.with_({"section": {"shape": "square", "side": "100 mm"}})
     assert new.section.outer_groups() == ("wide_face", "narrow_face")
     with pytest.raises(InputError, match=r"on .*wide_face, narrow_face"):
@@ -89,7 +89,7 @@ def test_a_new_shape_is_checked_and_described(case: castfem.Case, shape: type[Se
     assert {"$ref": "#/$defs/Square"} in case_schema()["properties"]["section"]["anyOf"]
 
 
-def test_a_new_shape_has_its_mould(case: castfem.Case, shape: type[Section]) -> None:
+def test_new_shape_has_its_mould(case: castfem.Case, shape: type[Section]) -> None:
     table = Mould.model_validate({"length": "600 mm", "taper": "1 %/m"})
     section = shape.model_validate({"shape": "square", "side": "100 mm"})
     assert isinstance(case.section, Rectangle)
@@ -154,7 +154,7 @@ ROUND = 'section={shape="round",diameter="125 mm"}'
 
 @pytest.fixture
 def layers(tmp_path):
-    """Write a file that extends the tapered billet; return its path."""
+    """Return a function that writes a file that extends the tapered billet."""
 
     def write(text: str, base: str = str(CASES / "taper_1.toml"), name: str = "case.toml") -> Path:
         path = tmp_path / name
@@ -164,17 +164,17 @@ def layers(tmp_path):
     return write
 
 
-def test_a_round_leaves_out_what_only_a_rectangle_knows():
+def test_round_omits_keys_of_a_rectangle():
     reading = read_case(CASES / "taper_1.toml", [ROUND])
     assert reading.problems == () and reading.case.mesh.corner_size is None
-    (told,) = [line for line in reading.warnings if "left out" in line]
-    assert told.startswith("--set: section.shape") and "mesh.corner_size (" in told
-    assert "coupled.toml" in told
+    (line,) = [line for line in reading.warnings if "left out" in line]
+    assert line.startswith("--set: section.shape") and "mesh.corner_size (" in line
+    assert "coupled.toml" in line
     by_keys = load_case(CASES / "taper_1.toml", ["section.shape=round", "section.diameter=125 mm"])
     assert by_keys.physics() == reading.case.physics()
 
 
-def test_sizes_and_tapers_of_the_mould_go_too(layers):
+def test_sizes_and_tapers_of_the_mould_are_omitted_too(layers):
     path = layers(
         '[mould]\ncorner_radius = "4 mm"\nwidth = "126 mm"\n'
         'taper = { face = "1 %/m", corner = "2 %/m", wide_face = "1.5 %/m" }\n'
@@ -187,22 +187,22 @@ def test_sizes_and_tapers_of_the_mould_go_too(layers):
     assert scripted.mould == table and scripted.mesh.corner_size is None
     above = layers('[section]\nshape = "round"\ndiameter = "125 mm"\n', path.name, "above.toml")
     assert load_case(above).mould == table
-    # What a rectangle of other sides does not know is nothing.
+    # A rectangle of other sides omits nothing.
     section = 'section={shape="rectangle",width="124 mm",height="124 mm",corner_radius="5 mm"}'
     assert load_case(path, [section]).mould.corner_radius == 0.004
 
 
 @pytest.mark.parametrize("key", ["mesh.corner_size=1 mm", "mould.width=130 mm"])
 @pytest.mark.parametrize("first", [True, False])
-def test_what_was_given_with_the_shape_was_meant(layers, key, first):
+def test_keys_set_with_the_shape_are_not_omitted(layers, key, first):
     changes = [key, ROUND] if first else [ROUND, key]
     with pytest.raises(InputError, match=key.partition("=")[0]):
         load_case(CASES / "taper_1.toml", changes)
     table, _, rest = key.partition(".")
     name, _, value = rest.partition("=")
-    given = f'[section]\nshape="round"\ndiameter="125 mm"\n[{table}]\n{name}="{value}"\n'
+    text = f'[section]\nshape="round"\ndiameter="125 mm"\n[{table}]\n{name}="{value}"\n'
     with pytest.raises(InputError, match=key.partition("=")[0]):
-        load_case(layers(given))
+        load_case(layers(text))
     with pytest.raises(InputError, match=key.partition("=")[0]):
         load_case(CASES / "taper_1.toml", [ROUND]).with_({key.partition("=")[0]: value})
 
@@ -215,7 +215,7 @@ AT_Y = MIRRORED.format("y", '"half" or "whole"')
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         (["planes.a1=free"], f"planes.a1: {AT_X}"),
         (["planes.a2=0.1 1/m"], f"planes.a2: {AT_Y}"),
@@ -225,11 +225,11 @@ AT_Y = MIRRORED.format("y", '"half" or "whole"')
         (["planes.across=0.001"], "planes.across: is for a strip; other sections widen by"),
     ],
 )
-def test_what_the_section_does_not_have(changes: list[str], said: str) -> None:
+def test_planes_excluded_by_the_section_are_refused(changes: list[str], message: str) -> None:
     with pytest.raises(InputError) as caught:
         load_case(COUPLED, [c.replace("planes", "mechanics.planes") for c in changes])
     (problem,) = caught.value.problems
-    assert said in problem
+    assert message in problem
 
 
 @pytest.mark.parametrize(
@@ -240,5 +240,5 @@ def test_what_the_section_does_not_have(changes: list[str], said: str) -> None:
         ["mechanics.planes.a1=0.1 1/m", "section.symmetry=whole"],
     ],
 )
-def test_what_it_has(changes: list[str]) -> None:
+def test_planes_allowed_by_the_section(changes: list[str]) -> None:
     load_case(COUPLED, changes)

@@ -1,4 +1,4 @@
-"""Tables of numbers: columns with units, CSV files, and what is wrong with them."""
+"""Tables of numbers: columns with units, CSV files, and mistakes in them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_units_in_the_cells_and_over_time(write, sound):
     )
 
 
-def test_csv_beside_the_file_that_names_it(write, sound, tmp_path, monkeypatch):
+def test_csv_next_to_the_file_that_names_it(write, sound, tmp_path, monkeypatch):
     write("# measured\ntemperature [degC], value\n20, 0.8\n1500, 0.9\n", "data/e.csv")
     write(sound + 'emissivity = { file = "e.csv" }\n', "data/base.toml")
     path = write('extends = "data/base.toml"\n')
@@ -62,7 +62,7 @@ def test_semicolons_and_units(write, sound):
 
 
 def test_cells_of_a_file_may_have_their_own_unit(write, sound):
-    """Those without have that of the column, which is not needed where there are none."""
+    """Cells without a unit have that of the column, which may be missing if all cells have one."""
     write("time [ms], value [kW/m^2]\n0, 5\n20, 0.006 MW/m^2\n", "q.csv")
     text = sound.replace(
         'law = "radiation"\nambient = "25 degC"', 'law = "flux"\nvalue.file = "q.csv"'
@@ -88,7 +88,7 @@ def test_hundred_rows_survive_the_resolved_case(write, sound):
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "message"),
     [
         ('{ temperature = [], temperature_unit = "degC", value = [] }', "'temperature' is empty"),
         (
@@ -119,12 +119,12 @@ def test_hundred_rows_survive_the_resolved_case(write, sound):
         ('{ file = "missing.csv" }', "missing.csv': file not found; correct the path"),
     ],
 )
-def test_bad_table(write, sound, table, said):
+def test_bad_table(write, sound, table, message):
     with pytest.raises(InputError) as caught:
         load_case(write(sound + f"emissivity = {table}\n"))
     assert len(caught.value.problems) == 1
     assert "cooling.1.surface.0.emissivity" in str(caught.value)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_bad_table(write, sound, table, said):
         ),
     ],
 )
-def test_a_missing_file_is_named_once_with_its_key_and_what_to_do(write, sound, table, key):
+def test_missing_file_is_named_once_with_its_key(write, sound, table, key):
     base = write(f'{sound}[quality]\nductility = {{ file = "base.csv" }}\n', "base.toml")
     path = write(f'extends = "base.toml"\n{table}\n')
     for fix in ("file not found; correct the path", "file not found; did you mean ownn.csv?"):
@@ -151,7 +151,7 @@ def test_a_missing_file_is_named_once_with_its_key_and_what_to_do(write, sound, 
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("T [degC], value\n20, 0.8\n30, 0.9\n", "the first line of"),
         ("temperature [degC], value\n20, 0.8\n30\n", "line 3"),
@@ -161,14 +161,14 @@ def test_a_missing_file_is_named_once_with_its_key_and_what_to_do(write, sound, 
         ('temperature [degC], value\n"1,200", 0.8\n1300, 0.9\n', "no thousands separators"),
     ],
 )
-def test_bad_csv(write, sound, text, said):
+def test_bad_csv(write, sound, text, message):
     write(text, "e.csv")
     with pytest.raises(InputError) as caught:
         load_case(write(sound + 'emissivity = { file = "e.csv" }\n'))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
-# The steel of a case: the user's own numbers and carbon; of several layers the later decides.
+# The steel of a case: the user's own numbers and carbon; the last of several layers decides.
 
 
 NUMBERS = """
@@ -192,14 +192,14 @@ def write(folder: Path, more: str = "") -> Path:
     return folder / "case.toml"
 
 
-def test_a_composition_does_not_throw_it_away(tmp_path: Path) -> None:
+def test_composition_keeps_an_own_steel(tmp_path: Path) -> None:
     case = load_case(write(tmp_path), ["steel.composition.C=0.12"])
     assert case.steel.name.endswith("own.toml")
     with pytest.raises(InputError, match="write the composition into the file of your own steel"):
         load_steel(case.steel.name, composition=case.steel.composition)
 
 
-def test_the_carbon_that_a_law_needs_is_stated_in_the_file(tmp_path: Path) -> None:
+def test_carbon_of_a_law_is_stated_in_the_file(tmp_path: Path) -> None:
     case = load_case(write(tmp_path))
     assert case.mechanics is not None
     with pytest.raises(InputError, match=r"carbon: is missing.*composition = \{ C = 0.12 \}"):
@@ -211,8 +211,8 @@ def test_the_carbon_that_a_law_needs_is_stated_in_the_file(tmp_path: Path) -> No
     build_law(case.mechanics, steel)
 
 
-def test_each_modulus_of_a_steel_counts_by_itself() -> None:
-    """One that is given alone is not dropped; what the steel lacks is that of the named set."""
+def test_each_modulus_of_a_steel_counts_separately() -> None:
+    """A single modulus is used; one that the steel lacks is that of the named set."""
     kelvin = np.array([1300.0])
 
     def moduli(name: Path, *changes: str) -> tuple[float, float]:
@@ -241,7 +241,7 @@ COMPUTED = '[steel]\nname = "plain_carbon"\n[steel.composition]\nC = 0.1\nMn = 0
 
 @pytest.fixture
 def steel_of(write, sound):
-    """Return name and amounts of a case that extends another, and what `castfem check` says."""
+    """Return a function: name and composition of a case that extends another, and its warnings."""
 
     def _steel_of(base: str, own: str, overrides: tuple[str, ...] = ()):
         write(sound.replace('[steel]\nname = "carbon_042"\n', base), "base.toml")
@@ -255,16 +255,16 @@ def steel_of(write, sound):
 
 
 @pytest.mark.parametrize("how", ["file", "--set"])
-def test_a_steel_that_is_named_does_away_with_an_inherited_composition(steel_of, how):
+def test_named_steel_drops_an_inherited_composition(steel_of, how):
     own, overrides = '[steel]\nname = "carbon_042"\n', ("steel.name=carbon_042",)
-    name, amounts, (said,) = steel_of(COMPUTED, *((own,) if how == "file" else ("", overrides)))
+    name, amounts, (message,) = steel_of(COMPUTED, *((own,) if how == "file" else ("", overrides)))
     assert (name, amounts) == ("carbon_042", {})
-    assert said.startswith("--set: " if how == "--set" else "/")
-    assert "the inherited composition (C = 0.1, Mn = 0.5) is left out" in said
+    assert message.startswith("--set: " if how == "--set" else "/")
+    assert "the inherited composition (C = 0.1, Mn = 0.5) is left out" in message
 
 
-def test_one_that_is_computed_keeps_the_inherited_composition(steel_of, tmp_path):
-    """But for one of the user's own that states its composition."""
+def test_computed_steel_keeps_the_inherited_composition(steel_of, tmp_path):
+    """Except an own steel that states its composition."""
     own = '[steel]\nname = "plain_carbon_linear"\n'
     assert steel_of(COMPUTED, own) == ("plain_carbon_linear", {"C": 0.1, "Mn": 0.5}, ())
     assert steel_of(COMPUTED, own + "composition.C = 0.3\n")[1] == {"C": 0.3, "Mn": 0.5}
@@ -272,21 +272,21 @@ def test_one_that_is_computed_keeps_the_inherited_composition(steel_of, tmp_path
     text = (FOLDER / "plain_carbon.toml").read_text()
     text = text.replace(needs, needs + "composition.C = 0.7\n")
     (tmp_path / "mine.toml").write_text(text)
-    name, amounts, (said,) = steel_of(COMPUTED, '[steel]\nname = "./mine.toml"\n')
-    assert amounts == {} and "is left out" in said
+    name, amounts, (message,) = steel_of(COMPUTED, '[steel]\nname = "./mine.toml"\n')
+    assert amounts == {} and "is left out" in message
     assert load_steel(name).composition == {"C": 0.7}
 
 
-def test_a_composition_that_comes_later_is_that_of_a_computed_steel(steel_of):
+def test_later_composition_selects_a_computed_steel(steel_of):
     fixed = '[steel]\nname = "carbon_042"\n'
-    name, amounts, (said,) = steel_of(fixed, "[steel.composition]\nC = 0.2\n")
+    name, amounts, (message,) = steel_of(fixed, "[steel.composition]\nC = 0.2\n")
     assert (name, amounts) == ("plain_carbon", {"C": 0.2})
-    assert '"carbon_042" is not computed from a composition; "plain_carbon" is taken' in said
+    assert '"carbon_042" is not computed from a composition; "plain_carbon" is taken' in message
     assert steel_of(fixed, "", ("steel.composition.C=0.2",))[:2] == (name, amounts)
 
 
-def test_both_in_one_file_are_held_against_each_other(write, sound):
-    """What stands side by side was meant: no layer, nothing is left out."""
+def test_both_in_one_file_exclude_each_other(write, sound):
+    """Keys of one file are intended: there is no layer, and nothing is omitted."""
     path = write(sound.replace("[section]", "[steel.composition]\nC = 0.2\n\n[section]"))
     case = load_case(path)
     assert (case.steel.name, case.steel.composition) == ("carbon_042", {"C": 0.2})

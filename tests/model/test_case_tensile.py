@@ -1,4 +1,4 @@
-"""Tensile tests as cases: which kind a file is, its table, its mistakes."""
+"""Tensile tests as cases: kind of a file, its table, its mistakes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ duration = "10 s"
 """
 
 
-def test_the_table_tells_the_kind(write):
+def test_table_decides_the_kind(write):
     assert isinstance(load_any(write()), Case)
     case = load_any(write(TEST))
     assert isinstance(case, TensileCase)
@@ -39,7 +39,7 @@ def test_steps_are_counted_over_all_segments(write):
         load_any(path, ["tensile.steps=600000"])
 
 
-def test_a_strand_is_asked_for_where_one_is_needed(write):
+def test_strand_is_required_by_its_commands(write):
     with pytest.raises(InputError, match="pulled: is a tensile test; a strand is needed"):
         load_case(write(TEST))
 
@@ -59,7 +59,7 @@ def test_resolved_case_reads_back_equal(write):
     assert "extends" not in tomllib.loads(case.resolved_toml())
 
 
-def test_material_may_be_a_table_and_is_inherited_by_keys(write):
+def test_material_may_be_a_table_and_inherits_keys(write):
     table = '[tensile.material]\nlaw = "norton_hoff"\nstrength = "30 MPa"\np3 = 0.1\n'
     write(TEST.replace('material = "kozlowski_zhu"\ncarbon = 0.1\n', "") + table, "base.toml")
     softer = load_any(write('extends = "base.toml"\n[tensile.material]\np1 = 50\n'))
@@ -81,7 +81,7 @@ def test_material_file_is_found_from_the_case(write):
     assert case.physics_hash() != before
 
 
-def test_hash_follows_the_physics_alone(write):
+def test_hash_depends_on_the_physics_only(write):
     path = write(TEST)
     plain = load_any(path).physics_hash()
     for same in ("title=other", "output.figures=false"):
@@ -91,7 +91,7 @@ def test_hash_follows_the_physics_alone(write):
 
 
 @pytest.mark.parametrize(
-    ("assignment", "said"),
+    ("assignment", "message"),
     [
         ("tensile.segment.0.rate=1e-3", "tensile.segment.0.rate: a strain rate needs its unit"),
         ("tensile.segment.0.duration=0 s", "must be above 0"),
@@ -107,20 +107,20 @@ def test_hash_follows_the_physics_alone(write):
         ("output.fields=[]", "output.fields: unknown key"),
     ],
 )
-def test_mistakes(write, assignment, said):
+def test_mistakes(write, assignment, message):
     reading = read_case(write(TEST), [assignment])
     assert len(reading.problems) == 1
-    assert said in reading.problems[0]
+    assert message in reading.problems[0]
 
 
-def test_the_temperature_of_cycles_comes_back(write):
+def test_temperature_of_cycles_must_return(write):
     words = ['tensile.temperature={time=["0 s", "10 s"], value=["900 degC", "950 degC"]}']
     assert not read_case(write(TEST), words).problems
     (problem,) = read_case(write(TEST), [*words, "tensile.cycles=2"]).problems
     assert "tensile.temperature: ends a cycle of 10 s +50 K from where it began" in problem
 
 
-def test_missing_keys_are_told_together(write):
+def test_missing_keys_are_reported_together(write):
     found = read_case(write('title = "x"\n[tensile]\n[[tensile.segment]]\nrate = "1 1/s"\n'))
     assert [line.split(": ")[1] for line in found.problems] == [
         "tensile.material",
@@ -129,13 +129,13 @@ def test_missing_keys_are_told_together(write):
     ]
 
 
-def test_references_hold_at_ends_of_segments_not_at_positions(write):
+def test_references_of_a_test_have_no_position(write):
     text = TEST + '[[reference]]\nquantity = "q"\nvalue = "1 MPa"\nsource = "s"\nat = "1 m"\n'
     (problem,) = read_case(write(text)).problems
     assert "reference.0.at: a tensile test has no position" in problem
 
 
-def test_the_shipped_tests_are_those_of_the_thesis():
+def test_shipped_tests_are_those_of_the_thesis():
     """The same rates, turns and parameters as benchmarks.thesis_tensile, Figs 58-62."""
     from benchmarks import thesis_tensile
 

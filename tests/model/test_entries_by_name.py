@@ -58,7 +58,7 @@ def test_one_zone_changes_and_the_others_stay(tmp_path: Path) -> None:
     assert from_document(document).physics_hash() == found.physics_hash()
 
 
-def test_a_law_is_named_by_its_kind(tmp_path: Path) -> None:
+def test_law_is_named_by_its_kind(tmp_path: Path) -> None:
     more = '[cooling.spray.radiation]\nambient = "80 degC"\nemissivity = 0.7\n'
     law = load_case(extended(tmp_path, more)).cooling[1].surface[1]
     assert (law.ambient, law.emissivity) == (pytest.approx(353.15), 0.7)  # type: ignore[attr-defined]
@@ -70,7 +70,7 @@ def test_later_keys_exclude_the_inherited_ones(tmp_path: Path) -> None:
     assert law.flux == 2e6 and law.coefficient is None  # type: ignore[attr-defined]
 
 
-def test_scripts_change_them_likewise(tmp_path: Path) -> None:
+def test_scripts_change_zones_by_name(tmp_path: Path) -> None:
     base(tmp_path)
     case = load_case(tmp_path / "base.toml").with_({"cooling": {"mould": {"to": "20 mm"}}})
     assert [zone.to for zone in case.cooling] == [pytest.approx(0.02), None]
@@ -88,12 +88,12 @@ def test_scripts_change_them_likewise(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_cannot_be_meant_is_refused(tmp_path: Path, more: str, message: str) -> None:
+def test_invalid_entries_are_refused(tmp_path: Path, more: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         load_case(extended(tmp_path, more))
 
 
-def test_a_key_of_several_laws_is_refused(tmp_path: Path) -> None:
+def test_key_of_several_laws_is_refused(tmp_path: Path) -> None:
     more = '[cooling.mould]\non = ["corner"]\n'
     path = extended(tmp_path, more)
     text = (tmp_path / "base.toml").read_text()
@@ -105,6 +105,6 @@ def test_a_key_of_several_laws_is_refused(tmp_path: Path) -> None:
         load_case(path)
 
 
-def test_a_whole_array_still_replaces(tmp_path: Path) -> None:
+def test_full_array_still_replaces(tmp_path: Path) -> None:
     more = '[[cooling]]\nname = "all"\n[[cooling.surface]]\nlaw = "flux"\nvalue = "1 MW/m^2"\n'
     assert [zone.name for zone in load_case(extended(tmp_path, more)).cooling] == ["all"]

@@ -1,4 +1,4 @@
-"""Faulty keys trip no check of keys taken together: each is told by one line."""
+"""Faulty keys break no check of several keys: each is reported in one line."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FAULTS: list[tuple[str, Path, Any, str]] = [
 
 
 def changed(document: dict[str, Any], path: Path, value: Any) -> dict[str, Any]:
-    """A copy of a document with one value in the place of another, or left out."""
+    """Return a copy of a document with one value replaced or left out."""
     found = copy.deepcopy(document)
     table: Any = found
     for key in path[:-1]:
@@ -48,7 +48,7 @@ def changed(document: dict[str, Any], path: Path, value: Any) -> dict[str, Any]:
 
 
 def places(table: Any, above: Path = ()) -> Iterator[Path]:
-    """Every key of a document, tables and lists included."""
+    """Yield every key of a document, tables and lists included."""
     items = table.items() if isinstance(table, dict) else enumerate(table)
     for key, value in items:
         yield (*above, key)
@@ -56,13 +56,13 @@ def places(table: Any, above: Path = ()) -> Iterator[Path]:
             yield from places(value, (*above, key))
 
 
-@pytest.mark.parametrize(("name", "path", "value", "told"), FAULTS)
-def test_one_line_tells_it(name: str, path: Path, value: Any, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+@pytest.mark.parametrize(("name", "path", "value", "message"), FAULTS)
+def test_fault_is_reported_in_one_line(name: str, path: Path, value: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         from_document(changed(castfem.load(name).document(), path, value))
 
 
-def test_no_key_that_is_left_out_ends_in_anything_but_a_line() -> None:
+def test_every_omitted_key_is_accepted_or_reported() -> None:
     document = castfem.load("billet125/taper_1").document()
     document["mould"]["friction"] = VISCOUS
     refused = 0

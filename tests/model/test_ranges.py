@@ -1,4 +1,4 @@
-"""What each quantity usually is and can be, one table of all keys; how many steps there may be."""
+"""Usual and possible ranges of each quantity, one table of all keys; the number of steps."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from castfem.physics.materials.plausible import unusual
 CASES = Path(__file__).parents[2] / "cases"
 THERMAL, TAPERED = CASES / "billet125" / "thermal.toml", CASES / "billet125" / "taper_1.toml"
 SLAB, HOT = CASES / "slab1200" / "bending.toml", CASES / "billet125" / "hot.toml"
-# Choices of the numerics, places and times that are checked against others, numbers that the kind
-# of quantity bounds, on both sides or because any is as good as another.
+# Numerical choices, places and times that are compared with others, numbers limited by the kind
+# of quantity, on both sides or because any value is possible.
 WITHOUT = {
     *("casting.start.time", "mesh.surface_size", "mesh.corner_size", "mesh.face_size"),
     *("mesh.core_size", "mesh.surface_depth", "mesh.core_depth", "thermal.time.step"),
@@ -38,7 +38,7 @@ WITHOUT = {
 
 
 def numeric(model: type[TableModel], key: str = "") -> Iterator[tuple[str, str, Kind]]:
-    """Keys of a case that hold a quantity, also with the kind of their table, and their units."""
+    """Yield keys of a case with a quantity, also with the kind of their table, and their units."""
     tag = tag_of(model)
     for name, field in model.model_fields.items():
         own = f"{key}.{name}" if key else name
@@ -49,7 +49,7 @@ def numeric(model: type[TableModel], key: str = "") -> Iterator[tuple[str, str, 
 
 
 def bounded(kind: Kind) -> bool:
-    """Whether the kind itself has both ends."""
+    """Return whether the kind itself has both limits."""
     return kind.most is not None
 
 
@@ -67,7 +67,7 @@ def test_every_key_has_its_range() -> None:
     assert laws | {"law.young"} == {key for key in RANGES if key.startswith("law.")}
 
 
-def test_no_range_is_of_a_key_that_is_not_there() -> None:
+def test_every_range_belongs_to_a_key() -> None:
     keys = {name for model in (Case, TensileCase) for key in numeric(model) for name in key[:2]}
     own = {"steel", "law"}
     for key in RANGES:
@@ -76,7 +76,7 @@ def test_no_range_is_of_a_key_that_is_not_there() -> None:
             assert key in keys, f"{key} of castfem/base/ranges.py is no key of a case"
 
 
-def test_what_is_usual_is_possible() -> None:
+def test_usual_values_are_possible() -> None:
     for key, bounds in RANGES.items():
         (low, high), (least, most) = bounds.usual, bounds.possible
         assert least <= low < high <= most, key
@@ -90,7 +90,7 @@ def start(low: float, high: float) -> str:
 
 
 @pytest.mark.parametrize(
-    ("case", "changes", "said"),
+    ("case", "changes", "message"),
     [
         (THERMAL, ("casting.superheat=280 K",), "superheat: (280 K) is far from what metal is pou"),
         (THERMAL, ("cooling.1.surface.0.machine_factor=40",), "(40) is far from what correlations"),
@@ -115,14 +115,14 @@ def start(low: float, high: float) -> str:
         (TAPERED, ("mould.friction={law='coulomb',coefficient=30}",), "did you mean 0.3?"),
     ],
 )
-def test_what_is_absurd_is_told(case: Path, changes: tuple[str, ...], said: str) -> None:
+def test_absurd_values_give_a_warning(case: Path, changes: tuple[str, ...], message: str) -> None:
     reading = read_case(case, changes)
     assert not reading.problems
-    assert [line for line in reading.warnings if said in line], reading.warnings
+    assert [line for line in reading.warnings if message in line], reading.warnings
 
 
 @pytest.mark.parametrize(
-    ("case", "change", "said"),
+    ("case", "change", "message"),
     [
         (THERMAL, "casting.temperature=1e300 degC", "(1e+300 degC) is beyond what cast metal has"),
         (THERMAL, "casting.start={meniscus='500 mm'}", "menisci measure, 0.001 to 300 mm"),
@@ -138,28 +138,28 @@ def test_what_is_absurd_is_told(case: Path, changes: tuple[str, ...], said: str)
         (SLAB, "machine.defect=[{kind='misaligned',roll=30,by='1 m'}]", "(1000 mm) is beyond what"),
     ],
 )
-def test_what_cannot_be_is_refused(case: Path, change: str, said: str) -> None:
+def test_impossible_values_are_refused(case: Path, change: str, message: str) -> None:
     reading = read_case(case, (change,))
-    assert [line for line in reading.problems if said in line], reading.problems
+    assert [line for line in reading.problems if message in line], reading.problems
 
 
 @pytest.mark.parametrize(("apertures", "refused"), [(100, True), (150, False), (500, False)])
-def test_rolls_that_do_not_fit_the_strand_are_told(apertures: int, refused: bool) -> None:
+def test_rolls_that_do_not_fit_the_strand_are_reported(apertures: int, refused: bool) -> None:
     """The slab is 220 mm thick."""
     rolls = (
         'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
         f'diameter_unit="mm",aperture=[{apertures},{apertures},{apertures}],aperture_unit="mm"}}'
     )
     reading = read_case(SLAB, (rolls, "mechanics.planes.force_contains_bending=false"))
-    said = (
+    message = (
         ": a section of 220 mm cannot pass" if refused else " of a section 220 mm thick; is one of"
     )
-    told = reading.problems if refused else reading.warnings
-    assert [line for line in told if f"roll 1: aperture ({apertures} mm){said}" in line], told
+    lines = reading.problems if refused else reading.warnings
+    assert [line for line in lines if f"roll 1: aperture ({apertures} mm){message}" in line], lines
     assert bool(reading.problems) == refused
 
 
-def test_a_key_of_a_bent_strand_is_refused_with_the_value_that_goes_without() -> None:
+def test_key_of_a_bent_strand_is_refused_without_bending() -> None:
     straight = (
         'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
         'diameter_unit="mm"}'
@@ -170,7 +170,7 @@ def test_a_key_of_a_bent_strand_is_refused_with_the_value_that_goes_without() ->
     assert problem.endswith("or force_contains_bending = false")
 
 
-def test_a_start_hotter_than_the_steel_was_poured_is_told() -> None:
+def test_start_hotter_than_poured_gives_a_warning() -> None:
     from castfem.model.checks.unusual import warnings_with
 
     case = read_case(THERMAL, (start(1600, 2900),)).case
@@ -179,15 +179,15 @@ def test_a_start_hotter_than_the_steel_was_poured_is_told() -> None:
     assert any("(2900 degC) is hotter than the steel was poured (1542.5 degC)" in t for t in texts)
 
 
-@pytest.mark.parametrize(("unit", "told"), [("m", True), ("mm", False)])
-def test_a_table_over_positions_that_no_strand_has_is_told(unit: str, told: bool) -> None:
-    """Metres written for millimetres: the first row would hold all the way."""
+@pytest.mark.parametrize(("unit", "warned"), [("m", True), ("mm", False)])
+def test_table_beyond_any_strand_gives_a_warning(unit: str, warned: bool) -> None:
+    """Metres written for millimetres: the first row would apply all the way."""
     flux = f'position=[0, 300, 600], position_unit="{unit}", value=[2.5, 1.5, 1], unit="MW/m^2"'
     law = f'cooling.mould.surface=[{{ law="flux", value={{ {flux} }} }}]'
     reading = read_case(CASES / "billet125" / "thermal.toml", [law])
     assert not reading.problems
     found = [line for line in reading.warnings if "last position: (600000 mm) is far" in line]
-    assert len(found) == told
+    assert len(found) == warned
 
 
 @pytest.mark.parametrize(
@@ -199,12 +199,12 @@ def test_a_table_over_positions_that_no_strand_has_is_told(unit: str, told: bool
         ("emissivity", 0.03, False),
     ],
 )
-def test_a_doubtful_steel_is_told(key: str, value: object, usual: bool) -> None:
+def test_doubtful_steel_gives_a_warning(key: str, value: object, usual: bool) -> None:
     steel = load_steel("carbon_042", overrides={key: value})
     assert bool(list(unusual(steel))) != usual
 
 
-def test_a_formula_is_held_against_the_same_range() -> None:
+def test_formula_is_checked_against_the_same_range() -> None:
     from castfem.base.errors import InputError
 
     change = {
@@ -220,23 +220,23 @@ def test_a_formula_is_held_against_the_same_range() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ('law = "perfectly_plastic"\nyield_stress = "1e6 GPa"\n', "yield_stress: (1e+09 MPa) is b"),
         ('law = "norton_creep"\nstress = "1 uPa"\nrate = "1 1/s"\nexponent = 3\n', "stress: (1e-"),
     ],
 )
-def test_a_law_is_held_against_its_ranges(tmp_path: Path, text: str, said: str) -> None:
+def test_law_is_checked_against_its_ranges(tmp_path: Path, text: str, message: str) -> None:
     from castfem.base.errors import InputError
     from castfem.physics.constitutive.parameters import load_elasticity, load_law
 
     (tmp_path / "own.toml").write_text(text)
     with pytest.raises(InputError) as error:
         load_law("own.toml", load_elasticity(), tmp_path)
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
-def test_a_modulus_of_no_metal_is_refused(tmp_path: Path) -> None:
+def test_modulus_of_no_metal_is_refused(tmp_path: Path) -> None:
     from castfem.base.errors import InputError
     from castfem.physics.constitutive.parameters import load_elasticity
 
@@ -252,18 +252,20 @@ FLUX = (
 
 
 @pytest.mark.parametrize(
-    ("end", "last", "told"), [(300, 1.5, True), (300, 2.5, False), (590, 1.5, False)]
+    ("end", "last", "warned"), [(300, 1.5, True), (300, 2.5, False), (590, 1.5, False)]
 )
-def test_a_table_that_ends_long_before_its_zone_is_told(end: int, last: float, told: bool) -> None:
+def test_table_that_ends_before_its_zone_gives_a_warning(
+    end: int, last: float, warned: bool
+) -> None:
     reading = read_case(THERMAL, (FLUX.format(end=end, last=last),))
-    said = f'value (zone "mould"): the table ends at {end} mm, the zone at 600 mm'
-    assert any(said in line for line in reading.warnings) == told, reading.warnings
+    message = f'value (zone "mould"): the table ends at {end} mm, the zone at 600 mm'
+    assert any(message in line for line in reading.warnings) == warned, reading.warnings
 
 
-@pytest.mark.parametrize(("size", "told"), [(125.0, False), (125.1, False), (126.0, True)])
-def test_a_cavity_that_liquid_would_fill_is_told(size: float, told: bool) -> None:
+@pytest.mark.parametrize(("size", "warned"), [(125.0, False), (125.1, False), (126.0, True)])
+def test_cavity_that_liquid_would_fill_gives_a_warning(size: float, warned: bool) -> None:
     reading = read_case(TAPERED, (f"mould.width={size} mm", f"mould.height={size} mm"))
-    assert any("liquid fills its mould" in line for line in reading.warnings) == told
+    assert any("liquid fills its mould" in line for line in reading.warnings) == warned
 
 
 MANY = list(range(5000))
@@ -274,32 +276,32 @@ ROWS = (
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         (("casting.length=10 km", "coupling.interval=0.1 s"), "coupling.interval: (0.1 s) makes"),
         ((ROWS, "cooling.0.surface.0.wall=mould"), "has 4 999 rows in the run, each of which ends"),
     ],
     ids=["length", "rows"],
 )
-def test_what_would_take_hours_is_told_before_it_is_run(
-    changes: tuple[str, ...], said: str
+def test_runs_of_hours_are_reported_before_they_start(
+    changes: tuple[str, ...], message: str
 ) -> None:
     reading = read_case(TAPERED, changes)
-    told = [line[:200] for line in (*reading.warnings, *reading.problems)]
-    assert any(said in line for line in told), told[:9]
+    lines = [line[:200] for line in (*reading.warnings, *reading.problems)]
+    assert any(message in line for line in lines), lines[:9]
 
 
-@pytest.mark.parametrize(("started", "told"), [(0.0, False), (3000.0, False), (30.0, True)])
-def test_rows_of_a_table_outside_the_run_are_no_steps(started: float, told: bool) -> None:
-    """As of a plant's record of a day, of which a slice sees some minutes."""
+@pytest.mark.parametrize(("started", "warned"), [(0.0, False), (3000.0, False), (30.0, True)])
+def test_rows_outside_the_run_are_no_steps(started: float, warned: bool) -> None:
+    """As in a plant's record of a day, of which a slice sees some minutes."""
     at = [*range(30), *(30 + i / 1000 for i in range(2000)), *range(40, 6000)]
     speed = f"casting.speed={{time={at},time_unit='s',value={[3.6] * len(at)},unit='m/min'}}"
     reading = read_case(THERMAL, (speed, f"casting.start.time={started} s"))
     assert not reading.problems
-    assert any("rows in the run" in line for line in reading.warnings) == told
+    assert any("rows in the run" in line for line in reading.warnings) == warned
 
 
-def test_a_machine_without_any_pair_is_refused() -> None:
+def test_machine_without_any_pair_is_refused() -> None:
     rolls = (
         'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
         'diameter_unit="mm"}'
@@ -322,13 +324,13 @@ TAPERED_SHORT = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.tom
         ("output.every=1e-9 s", "output.every", "10 000 000 000 states of the fields"),
     ],
 )
-def test_a_run_without_end_is_refused_with_its_count(change: str, key: str, count: str) -> None:
+def test_endless_run_is_refused_with_its_count(change: str, key: str, count: str) -> None:
     found = [line for line in read_case(TAPERED_SHORT, [change]).problems if f": {key}: " in line]
     assert len(found) == 1 and count in found[0] and "at most" in found[0], found
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         (
             ["casting.speed=1 um/min"],
@@ -338,23 +340,21 @@ def test_a_run_without_end_is_refused_with_its_count(change: str, key: str, coun
         (["casting.length=1e9 m"], "--set: casting.length: (1e+12 mm) is beyond"),
     ],
 )
-def test_a_strand_that_makes_a_run_without_end_is_named_alone(
-    changes: list[str], said: str
-) -> None:
+def test_endless_run_of_a_strand_is_reported_once(changes: list[str], message: str) -> None:
     (line,) = read_case(TAPERED_SHORT, changes).problems
-    assert line.startswith(said)
+    assert line.startswith(message)
 
 
-def test_slow_is_no_fault_where_steps_are_few() -> None:
+def test_slow_strand_with_few_steps_is_valid() -> None:
     slow = ["casting.speed=9 mm/min", "coupling.interval=0.2 s", "output.every=10 s"]
     assert not read_case(TAPERED_SHORT, slow).problems
 
 
-def test_output_that_is_not_written_makes_no_states() -> None:
+def test_disabled_output_makes_no_states() -> None:
     assert not read_case(TAPERED_SHORT, ["output.every=1e-9 s", "output.fields=[]"]).problems
 
 
-def test_a_long_run_is_told_with_its_time() -> None:
+def test_long_run_is_reported_with_its_time() -> None:
     (line,) = read_case(TAPERED_SHORT, ["coupling.mechanical_step=50 us"]).warnings
     assert "(5e-05 s) makes 200 000 mechanical steps" in line
     assert line.endswith("5.6 hours")

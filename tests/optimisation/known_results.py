@@ -1,4 +1,4 @@
-"""A search of known functions: no run is made, each is told its results."""
+"""A search with known functions: no run is made, and each gets results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Given = Callable[[RunRequest], Mapping[str, float] | Evaluation]
 
 
 def solve(one: Study, given: Given) -> Optimum:
-    """The answer of a study whose runs give what the function does."""
+    """Return the answer of a study whose results are those of a function."""
 
     def obtain(wanted: Sequence[RunRequest]) -> None:
         for run in wanted:
@@ -27,8 +27,8 @@ def solve(one: Study, given: Given) -> Optimum:
 
 
 def study(*variables: dict[str, Any], folder: Path | None = None, **table: Any) -> Study:
-    asked = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
-    return Study(small({"casting.length": "6 mm", "optimise": asked}), folder)
+    request = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
+    return Study(small({"casting.length": "6 mm", "optimise": request}), folder)
 
 
 def bowl(wanted: RunRequest) -> dict[str, float]:

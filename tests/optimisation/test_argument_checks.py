@@ -1,4 +1,4 @@
-"""Wrong input to an optimum is a one-line error that names the argument and the fix."""
+"""Invalid input of an optimum is a one-line error with the argument and the fix."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def study(**table: Any) -> Study:
     return known_results.study(SPEED, SUPERHEAT, **table)
 
 
-def said(call: Callable[[], object]) -> str:
+def problem(call: Callable[[], object]) -> str:
     with pytest.raises(InputError) as caught:
         call()
     (line,) = caught.value.problems
@@ -31,22 +31,22 @@ def said(call: Callable[[], object]) -> str:
     return line
 
 
-def test_a_case_is_taken_by_its_name_and_path(tmp_path, monkeypatch):
+def test_case_is_accepted_by_name_and_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert Study("billet125/optimum_single").problem.variables[0].key == "mould.taper"
     path = write_small(tmp_path)
     by_path = Evaluator(path, tmp_path / "one")
     assert by_path.case == Evaluator("small", tmp_path / "two").case
     assert by_path.case == Evaluator(small(), tmp_path / "three").case
-    assert said(lambda: Study(path)).startswith(f"{path}: optimise: the table is missing; add")
-    line = said(lambda: Study("billet125/optimum_singel"))
+    assert problem(lambda: Study(path)).startswith(f"{path}: optimise: the table is missing; add")
+    line = problem(lambda: Study("billet125/optimum_singel"))
     assert line.endswith("did you mean billet125/optimum_single?")
 
 
 @pytest.mark.parametrize("given", [3, None, {"casting": {}}])
-def test_what_is_no_case(tmp_path, given):
-    for asked in (Study, lambda case: Evaluator(case, tmp_path)):
-        assert "a case is needed, its path or the name of a" in said(lambda a=asked: a(given))
+def test_invalid_case_is_refused(tmp_path, given):
+    for function in (Study, lambda case: Evaluator(case, tmp_path)):
+        assert "a case is needed, its path or the name of a" in problem(lambda a=function: a(given))
 
 
 def test_folders_and_counts(tmp_path):
@@ -62,18 +62,20 @@ def test_folders_and_counts(tmp_path):
         ),
         (tmp_path / "run", f"folder: {tmp_path / 'run'}: holds a single run; choose another"),
     ):
-        assert line in said(lambda f=folder: Evaluator(case, f))
-        assert line in said(lambda f=folder: Study(small({**SHORT, "optimise": ASKED}), f))
+        assert line in problem(lambda f=folder: Evaluator(case, f))
+        assert line in problem(lambda f=folder: Study(small({**SHORT, "optimise": REQUEST}), f))
     for given, line in (
         ({"processes": -1}, "processes must be an integer >= 0, got -1"),
         ({"processes": "2"}, "processes must be an integer >= 0, got '2'"),
         ({"ranks": 1.5}, "ranks must be an integer >= 1, got 1.5"),
     ):
-        assert said(lambda g=given: Evaluator(case, tmp_path / "new", **g)) == f"Evaluator: {line}"
+        assert (
+            problem(lambda g=given: Evaluator(case, tmp_path / "new", **g)) == f"Evaluator: {line}"
+        )
     assert not (tmp_path / "new").exists()
 
 
-ASKED = {"minimise": "heat_removed", "variable": [SPEED]}
+REQUEST = {"minimise": "heat_removed", "variable": [SPEED]}
 
 
 def test_changes(tmp_path):
@@ -83,40 +85,40 @@ def test_changes(tmp_path):
         ({"casting.sped": "3 m/min"}, "changes: casting.sped"),
         ({3: 1}, "changes: 3: the name of a key is needed"),
     ):
-        assert said(lambda g=given: evaluate(g)).startswith(line)
+        assert problem(lambda g=given: evaluate(g)).startswith(line)
     for word in ("corse", 3, ["coarse"]):
-        assert "fidelity must be one of thermal, coarse" in said(lambda w=word: evaluate({}, w))
+        assert "fidelity must be one of thermal, coarse" in problem(lambda w=word: evaluate({}, w))
     assert evaluate.runs == 0 and not (tmp_path / "new").exists()
 
 
-def test_a_folder_with_runs_of_another_strand(tmp_path):
+def test_folder_with_runs_of_another_strand_is_refused(tmp_path):
     with Evaluator(small(SHORT), tmp_path) as evaluate:
         evaluate({"speed": "3 m/min"}, "coarse")
     other = small({**SHORT, "section.width": "150 mm", "section.height": "150 mm"})
-    line = said(lambda: Evaluator(other, tmp_path))
+    line = problem(lambda: Evaluator(other, tmp_path))
     assert line.startswith(f"{tmp_path}: holds runs of another case (section.")
     assert line.endswith("; choose another folder")
-    Evaluator(small({**SHORT, "casting.superheat": "12 K"}), tmp_path)  # what may be varied
+    Evaluator(small({**SHORT, "casting.superheat": "12 K"}), tmp_path)  # may be varied
     with Evaluator(other, tmp_path / "both") as evaluate:
         evaluate({"section.width": "125 mm", "section.height": "125 mm"})
     Evaluator(small(SHORT), tmp_path / "both")
 
 
-def test_a_result_that_a_run_has_not():
+def test_missing_result_is_reported():
     one = Evaluation({HEAT: Quantity(1.0, "J/m", "heat")})
-    assert said(lambda: one["heat_remoed"]).endswith("did you mean heat_removed?")
-    assert "has failed: breakout" in said(lambda: Evaluation({}, 0.5, "breakout")[HEAT])
+    assert problem(lambda: one["heat_remoed"]).endswith("did you mean heat_removed?")
+    assert "has failed: breakout" in problem(lambda: Evaluation({}, 0.5, "breakout")[HEAT])
 
 
-def test_runs_by_the_values_of_their_variables():
-    asked = study()
+def test_runs_are_given_by_values_of_variables():
+    one = study()
     run = {"casting.speed": "0.05 m/s", "superheat": 30}
-    asked.tell(run, {STRESS: 1e6})
-    assert list(asked._runs.results) == [RunRequest((3.0, 30.0), "default")]
-    assert asked.case(run) == asked.case(RunRequest((3.0, 30.0), "default"))
-    for end in (2.0, 5.0):  # the ends of a range belong to it
-        asked.tell(RunRequest((end, 30.0), "default"), {STRESS: 1.0})
-    assert len(asked._runs.results) == 3
+    one.tell(run, {STRESS: 1e6})
+    assert list(one._runs.results) == [RunRequest((3.0, 30.0), "default")]
+    assert one.case(run) == one.case(RunRequest((3.0, 30.0), "default"))
+    for end in (2.0, 5.0):  # the ends of a range are included
+        one.tell(RunRequest((end, 30.0), "default"), {STRESS: 1.0})
+    assert len(one._runs.results) == 3
 
 
 @pytest.mark.parametrize(
@@ -150,11 +152,11 @@ def test_runs_by_the_values_of_their_variables():
         (RunRequest((3.0, 30.0), "fine", inputs=(1.0,)), "and 1 inputs; it needs"),
     ],
 )
-def test_what_is_no_run(tmp_path: Path, run: Any, line: str) -> None:
-    asked = study()
-    assert line in said(lambda: asked.tell(run, {STRESS: 1e6}))
-    assert line in said(lambda: asked.case(run))
-    assert not asked._runs.results
+def test_invalid_run_is_refused(tmp_path: Path, run: Any, line: str) -> None:
+    one = study()
+    assert line in problem(lambda: one.tell(run, {STRESS: 1e6}))
+    assert line in problem(lambda: one.case(run))
+    assert not one._runs.results
 
 
 @pytest.mark.parametrize(
@@ -166,11 +168,13 @@ def test_what_is_no_run(tmp_path: Path, run: Any, line: str) -> None:
         (None, 'tell: results must be an Evaluation, a Result or results by name, {"heat_removed'),
     ],
 )
-def test_what_is_no_result(given: Any, line: str) -> None:
-    asked = study()
-    (wanted, *_) = asked.ask()
-    assert said(lambda: asked.tell(wanted, given)).startswith(line)
+def test_invalid_result_is_refused(given: Any, line: str) -> None:
+    one = study()
+    (wanted, *_) = one.ask()
+    assert problem(lambda: one.tell(wanted, given)).startswith(line)
 
 
-def test_runs_of_which_nothing_is_told():
-    assert "solve: obtain gave no results for" in said(lambda: study().solve(obtain=lambda w: None))
+def test_missing_results_are_refused():
+    assert "solve: obtain gave no results for" in problem(
+        lambda: study().solve(obtain=lambda w: None)
+    )

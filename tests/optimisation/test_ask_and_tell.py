@@ -1,4 +1,4 @@
-"""A study asks for runs and is told their results: in any order, by parts, again, wrongly."""
+"""A study requests runs and gets their results: in any order, in parts, again, or invalid."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from castfem.base.shown_quantity import Quantity
 from castfem.studies.optimisation import Evaluation, RunRequest
 
 
-def test_asks_tells_and_comes_to_the_same():
-    """Asked run by run, in any order, by objects that know nothing of one another."""
+def test_order_of_results_does_not_change_the_answer():
+    """Requested run by run, in any order, by objects without a common state."""
     at_once = solve(study(constraints=["heat_removed >= 2 MJ/m"]), bowl)
     told_so_far: dict[RunRequest, Mapping[str, float]] = {}
     for _ in range(100):
@@ -29,8 +29,8 @@ def test_asks_tells_and_comes_to_the_same():
     assert one.result() == at_once
 
 
-def test_two_studies_are_asked_in_turn():
-    """And one is solved that was asked before: no search waits within the minimiser."""
+def test_two_studies_alternate():
+    """One is solved after earlier requests: no search waits within the minimiser."""
     one, other = study(), study()
     for _ in range(3):
         for each in (one, other):
@@ -48,7 +48,7 @@ def test_two_studies_are_asked_in_turn():
     assert other.result() == found
 
 
-def test_results_that_are_told_anew_change_the_answer():
+def test_changed_results_change_the_answer():
     one = study()
     while wanted := one.ask():
         for run in wanted:
@@ -66,8 +66,8 @@ def test_results_that_are_told_anew_change_the_answer():
     assert one.result().objective.value == pytest.approx(2.0 * before.objective.value)
 
 
-def test_an_error_of_the_search_is_that_of_ask():
-    """Results that lack the objective: ask says so, each time."""
+def test_error_of_the_search_is_raised_by_ask():
+    """Results without the objective: ask reports them each time."""
     one = study()
     for run in one.ask():
         one.tell(run, Evaluation({HEAT: Quantity(1.0, "J/m", "heat")}))
@@ -76,7 +76,7 @@ def test_an_error_of_the_search_is_that_of_ask():
             one.ask()
 
 
-def test_what_was_asked_is_asked_again_until_it_is_told():
+def test_requests_are_repeated_until_they_have_results():
     one = study()
     first = one.ask()
     assert len(first) > 1 and one.ask() == first
@@ -84,7 +84,7 @@ def test_what_was_asked_is_asked_again_until_it_is_told():
     assert one.ask() == first[1:]
 
 
-def test_a_study_without_a_folder_runs_nothing():
+def test_study_without_a_folder_runs_nothing():
     one = study()
     with pytest.raises(InputError, match="without a folder runs nothing"):
         one.run(one.ask())

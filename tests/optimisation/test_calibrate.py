@@ -1,4 +1,4 @@
-"""Keys fitted to measured values: the statistics by closed form, a case by its own twin."""
+"""Keys fitted to measured values: statistics by closed form, and a case by its own twin."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ KEYS = (Free("slope", 0.0, 10.0, "m"), Free("offset", -5.0, 5.0))
 
 
 def line(errors_known: bool = False, bounds: float = 10.0) -> Fit:
-    """Fits a straight line to noisy points of 4 x - 1."""
+    """Fit a straight line to noisy points of 4 x - 1."""
 
     def residuals(values: Sequence[Mapping[str, str]]) -> list[Array]:
         found = []
@@ -43,7 +43,7 @@ def line(errors_known: bool = False, bounds: float = 10.0) -> Fit:
     return fit(residuals, keys, [1.0, 3.0], errors_known=errors_known)
 
 
-def test_a_straight_line_has_the_intervals_of_the_textbook() -> None:
+def test_straight_line_has_the_intervals_of_the_textbook() -> None:
     found, known = line(), stats.linregress(X, 4.0 * X - 1.0 + NOISE)
     slope, offset = found.keys
     t = stats.t.ppf(0.975, len(X) - 2)
@@ -56,15 +56,15 @@ def test_a_straight_line_has_the_intervals_of_the_textbook() -> None:
     assert found.converged and not slope.held
 
 
-def test_stated_errors_are_taken_at_their_word() -> None:
-    """Errors of 1 that scatter by 0.27: the interval is that of the errors."""
+def test_stated_errors_are_used() -> None:
+    """For errors of 1 and a scatter of 0.27 the interval is that of the errors."""
     found = line(errors_known=True)
     inverse = np.linalg.inv(np.array([[X @ X, X.sum()], [X.sum(), len(X)]]))
     assert found.keys[0].interval == pytest.approx(1.95996 * np.sqrt(inverse[0, 0]), rel=1e-4)
     assert found.spread < 0.4
 
 
-def test_a_bound_holds() -> None:
+def test_bound_holds() -> None:
     slope, offset = line(bounds=2.5).keys
     assert slope.value == pytest.approx(2.5, abs=0.01) and slope.held
     assert not slope.moved and not offset.moved
@@ -72,7 +72,7 @@ def test_a_bound_holds() -> None:
     assert slope.moved and slope.start == 0.5 and not offset.moved
 
 
-def test_keys_that_the_data_do_not_tell_apart() -> None:
+def test_undetermined_keys_have_no_interval() -> None:
     def residuals(values: Sequence[Mapping[str, str]]) -> list[Array]:
         sums = [float(v["slope"].split()[0]) + float(v["offset"]) for v in values]
         return [np.array([s - 3.0, s - 3.1, s - 2.9]) for s in sums]
@@ -88,7 +88,7 @@ def test_fewer_data_than_keys_are_refused() -> None:
 
 @pytest.fixture(scope="module")
 def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A case file, and what its twin with another coefficient of 2100 W/m2K gives."""
+    """Return the folder of a case, and of data of its twin with a coefficient of 2100 W/m2K."""
     folder = tmp_path_factory.mktemp("twin")
     case = small()
     (folder / "case.toml").write_text(case.resolved_toml())
@@ -102,7 +102,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_case_finds_the_coefficient_of_its_twin(
+def test_case_finds_the_coefficient_of_its_twin(
     twin: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[Figure] = []
@@ -116,14 +116,14 @@ def test_a_case_finds_the_coefficient_of_its_twin(
     assert found["start"] == pytest.approx(1600.0)
     assert abs(found["value"] - 2100.0) < found["half_interval_95"] < 30.0
     assert stored["converged"] and "fitted" in text
-    # The case that is written has the value, and is followed as far as the one that was given.
+    # The written case has the value, and the length of the original one.
     case = castfem.load(twin / "fit" / "calibrated.toml")
     (law,) = case.cooling[0].surface
     assert law.coefficient == pytest.approx(found["value"])  # type: ignore[attr-defined]
     assert case.casting.length == pytest.approx(0.06)
     image = matplotlib.image.imread(twin / "fit" / "calibration.png")
     assert image[..., :3].std() > 0.02
-    # A second call finds all runs there.
+    # A second call finds all runs.
     calibrate_case(*words, twin / "fit", processes=0, units=("temperature=degF",))
     again = capsys.readouterr().out
     assert "0 runs" in again
@@ -160,7 +160,7 @@ def test_a_case_finds_the_coefficient_of_its_twin(
         ("casting.speed=a..b", "bounds are numbers"),
     ],
 )
-def test_bounds_that_are_none(text: str, message: str) -> None:
+def test_invalid_bounds_are_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read_free(text)
 
@@ -191,7 +191,7 @@ HEAD = "position [mm], shell_mid_face [mm], shell_mid_face error [mm]"
         ("position [mm], shell_mid_face [cubits]\n5, 1", r"data\.csv: line 1: shell_mid_face \["),
     ],
 )
-def test_data_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
+def test_invalid_data_are_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "data.csv"
     path.write_text(text)
     with pytest.raises(InputError, match=message):
@@ -207,7 +207,7 @@ def test_data_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> No
         (["casting.speed=2..4 mm"], r'^--free "casting\.speed": .*a speed is needed'),
     ],
 )
-def test_keys_that_cannot_be_fitted(twin: Path, free: list[str], message: str) -> None:
+def test_invalid_keys_are_refused(twin: Path, free: list[str], message: str) -> None:
     with pytest.raises(InputError, match=message):
         calibrate_case(str(twin / "case.toml"), twin / "data.csv", free, twin / "none")
     assert not (twin / "none").exists()
@@ -227,7 +227,7 @@ def test_keys_that_cannot_be_fitted(twin: Path, free: list[str], message: str) -
         ("shell_mid_fac", 54, r'shell_mid_fac: has no place "mid_fac" .*did you mean mid_face'),
     ],
 )  # fmt: skip
-def test_data_that_the_run_has_not(
+def test_data_that_the_run_lacks_are_refused(
     twin: Path, tmp_path: Path, column: str, position: int, line: str
 ) -> None:
     path = tmp_path / "data.csv"
@@ -243,7 +243,7 @@ def probed(coefficient: str = "1600 W/(m^2 K)") -> Case:
     return small({"output.probe": [probe], "cooling.0.surface.0.coefficient": coefficient})
 
 
-def test_what_a_run_has_at_a_probe(tmp_path: Path) -> None:
+def test_values_at_a_probe_are_interpolated(tmp_path: Path) -> None:
     result = castfem.run(probed(), folder=tmp_path / "run")
     table = result.probes["tc1"]
     (found,) = computed(
@@ -262,7 +262,7 @@ def data(folder: Path, heading: str) -> list[Measured]:
     return read_measured(path)
 
 
-def test_a_file_names_probe_and_column(tmp_path: Path) -> None:
+def test_file_names_probe_and_column(tmp_path: Path) -> None:
     (one,) = data(tmp_path, "tc1.temperature [degC]")
     assert (one.name, one.value) == ("tc1.temperature", pytest.approx(1473.15))
     _check_results(probed(), [one])
@@ -278,7 +278,7 @@ def test_a_file_names_probe_and_column(tmp_path: Path) -> None:
         ("tc1.temperature", "tc1.temperature has no unit"),
     ],
 )
-def test_what_is_not_there_is_refused_before_anything_runs(
+def test_missing_results_are_refused_before_any_run(
     tmp_path: Path, heading: str, message: str
 ) -> None:
     with pytest.raises(InputError, match=message):

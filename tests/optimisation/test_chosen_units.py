@@ -1,4 +1,4 @@
-"""The answer of a search in the units that were chosen; its files keep theirs."""
+"""The answer of a search in the chosen units; its files keep their units."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ ANSWER = Optimum(
 
 
 def lines(choice: str | dict[str, str]) -> dict[str, list[str]]:
-    """What is told: first words of a line to what follows."""
+    """Return the printed cells of each line, by its first words."""
     console = Console(file=io.StringIO(), width=200)
     with shown_in(ShownUnits.read(choice)):
         for block in report(ANSWER):
@@ -77,8 +77,8 @@ def lines(choice: str | dict[str, str]) -> dict[str, list[str]]:
     return found | {"all cells": [cell for one in split for cell in one]}
 
 
-def test_results_are_told_in_the_units_that_were_chosen() -> None:
-    """Differences of temperatures by their size alone; what the user wrote as it is written."""
+def test_results_are_printed_in_the_chosen_units() -> None:
+    """Temperature differences are scaled without offset; text of the user is unchanged."""
     plant, si = lines("plant"), lines("si")
     own = lines({"length": "inch", "temperature": "degF", "stress": "psi"})
     assert plant["von_mises_max [MPa]"][:3] == ["5", "0.01", "0.2"]
@@ -102,7 +102,7 @@ def test_results_are_told_in_the_units_that_were_chosen() -> None:
     assert "-16.2 to +32.4" in own["all cells"]
 
 
-def test_and_drawn() -> None:
+def test_figures_have_the_chosen_units() -> None:
     chosen = ShownUnits.read({"temperature": "degF", "stress": "psi", "length": "inch"})
     with shown_in(chosen):
         drawn = figures.optimum_figure(ANSWER), figures.front_figure(FRONT)

@@ -1,4 +1,4 @@
-"""Derivatives that runs carry for the spread of an optimum: units, files, fits, refusals."""
+"""Derivatives computed in runs for the spread of an optimum: units, files, fits, refusals."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ BY = (SPEED["key"], H["key"], SUPERHEAT["key"])
 
 
 def study(folder: Path | None = None, **table: Any) -> Study:
-    asked = {"maximise": HEAT, "variable": [SPEED], "input": [H, SUPERHEAT], **table}
-    return Study(small({**LENGTH, "optimise": asked}), folder)
+    request = {"maximise": HEAT, "variable": [SPEED], "input": [H, SUPERHEAT], **table}
+    return Study(small({**LENGTH, "optimise": request}), folder)
 
 
-def test_a_run_is_as_without(tmp_path: Path) -> None:
-    """Its results to the last digit, and the derivatives those of the command."""
+def test_derivatives_do_not_change_the_run(tmp_path: Path) -> None:
+    """Its results agree to the last digit, and the derivatives are those of the command."""
     case = small(LENGTH)
     plain = Job("plain", tmp_path / "plain", case)
     carries = replace(plain, folder=tmp_path / "own", derivatives=Derivatives((HEAT,), BY))
@@ -62,8 +62,8 @@ def test_a_run_is_as_without(tmp_path: Path) -> None:
     assert read_slopes(carries.folder) is None, "they are those of another run"
 
 
-def test_shares_of_ranges(tmp_path: Path) -> None:
-    """Against runs a little to either side: other units, factors, differences of temperatures."""
+def test_slopes_are_by_shares_of_ranges(tmp_path: Path) -> None:
+    """Compared with runs slightly to both sides: other units, factors, temperature differences."""
     one = study(tmp_path / "runs", input=[H, WALL])
     middle, ranges = (
         RunRequest((3.5,), "default", inputs=(1.04, 320.0), derivatives=True),
@@ -86,7 +86,7 @@ def test_shares_of_ranges(tmp_path: Path) -> None:
         assert found[0, i] == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3)
 
 
-def test_runs_without_are_made_again(tmp_path: Path) -> None:
+def test_runs_without_derivatives_are_repeated(tmp_path: Path) -> None:
     case, wanted = small(LENGTH), Derivatives((HEAT,), BY)
     store = Store(tmp_path)
     job = store.job(case, {})
@@ -103,8 +103,8 @@ def test_runs_without_are_made_again(tmp_path: Path) -> None:
     assert Store(tmp_path).find(case, Derivatives((HEAT,), (*BY, "casting.length"))) is None
 
 
-def test_what_has_no_derivatives_is_run_all_the_same(tmp_path: Path) -> None:
-    """Steps are no function of a key: the run is made, says so, and is not made again for them."""
+def test_run_without_possible_derivatives_is_made(tmp_path: Path) -> None:
+    """Steps are no function of a key: the run is made, reports it, and is not repeated."""
     wanted = Derivatives((HEAT, "steps"), BY)
     job = Job("run", tmp_path / "run", small(LENGTH), derivatives=wanted)
     assert not work(job).failed
@@ -117,7 +117,7 @@ def test_what_has_no_derivatives_is_run_all_the_same(tmp_path: Path) -> None:
 
 @needs_mpirun
 def test_on_two_ranks(tmp_path: Path) -> None:
-    """One run on both of them, its derivatives as on one."""
+    """One run on both ranks has the derivatives of one on a single rank."""
     write_small(tmp_path)
     script = tmp_path / "script.py"
     script.write_text(
@@ -132,14 +132,16 @@ def test_on_two_ranks(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     one = Job("one", tmp_path / "one", small(LENGTH), derivatives=Derivatives((HEAT,), BY))
     assert not work(one).failed
-    alone, both = read_slopes(one.folder), read_slopes(tmp_path / "two")
-    assert alone is not None and both is not None
+    single, both = read_slopes(one.folder), read_slopes(tmp_path / "two")
+    assert single is not None and both is not None
     for key in BY:
-        assert both[HEAT][key].value == pytest.approx(alone[HEAT][key].value, rel=1e-8)
+        assert both[HEAT][key].value == pytest.approx(single[HEAT][key].value, rel=1e-8)
 
 
-def told(one: Study, slope: Callable[[float], Slope] | None) -> Callable[[RunRequest], Evaluation]:
-    """Heat is largest at 3.3 + 0.06 a + 0.03 b, of inputs a and b from -1 to 1."""
+def results_of(
+    one: Study, slope: Callable[[float], Slope] | None
+) -> Callable[[RunRequest], Evaluation]:
+    """Return results: heat is largest at 3.3 + 0.06 a + 0.03 b, of inputs a and b from -1 to 1."""
 
     def given(wanted: RunRequest) -> Evaluation:
         h, warm = wanted.inputs or (1.0, 30.0)
@@ -161,10 +163,10 @@ def told(one: Study, slope: Callable[[float], Slope] | None) -> Callable[[RunReq
 
 
 @pytest.mark.parametrize("carries", [True, False])
-def test_a_spread_by_derivatives(tmp_path: Path, carries: bool) -> None:
-    """The same from fewer runs; where one tells no derivatives, from as many as it takes."""
+def test_spread_by_derivatives(tmp_path: Path, carries: bool) -> None:
+    """The same from fewer runs; if a run has no derivatives, from the usual number."""
     one = study(tmp_path / "runs")
-    given = told(one, Slope if carries else None)  # type: ignore[arg-type]
+    given = results_of(one, Slope if carries else None)  # type: ignore[arg-type]
     drawn = set()
     while wanted := one.ask():
         for run in wanted:
@@ -180,11 +182,11 @@ def test_a_spread_by_derivatives(tmp_path: Path, carries: bool) -> None:
     assert place.first == pytest.approx((0.8, 0.2), abs=0.06)
 
 
-def test_what_runs_carry() -> None:
-    """The run in the idealised mould has neither its tapers nor what is to be best."""
-    asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 99 % of idealised"],
+def test_derivatives_of_runs_are_those_needed() -> None:
+    """The run in the idealised mould has neither the taper nor the objective."""
+    request = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 99 % of idealised"],
              "variable": [{"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}]}  # fmt: skip
-    one = Study(load("billet125/taper_1").with_({"optimise": asked}))
+    one = Study(load("billet125/taper_1").with_({"optimise": request}))
     run = RunRequest((0.5,), "coarse", inputs=(1.0,))
     assert of_run(one.problem, run) == Derivatives((STRESS, HEAT), ("mould.taper", H["key"]))
     ideal = of_run(one.problem, one.problem.ideal(run))
@@ -192,11 +194,11 @@ def test_what_runs_carry() -> None:
 
 
 @pytest.mark.parametrize("inputs", [(), (1.0,)])
-def test_a_share_of_what_the_idealised_mould_gives(inputs: tuple[float, ...]) -> None:
-    """It hangs on the inputs, and not on the taper: without inputs there is nothing to carry."""
-    asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 50 % of idealised"],
+def test_share_of_the_idealised_mould(inputs: tuple[float, ...]) -> None:
+    """It depends on the inputs, not on the taper: without inputs it needs no derivatives."""
+    request = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 50 % of idealised"],
              "variable": [{"key": "mould.taper", "range": ["0 %/m", "2 %/m"]}]}  # fmt: skip
-    one = Study(load("billet125/taper_1").with_({"optimise": asked}))
+    one = Study(load("billet125/taper_1").with_({"optimise": request}))
     run = RunRequest((0.5,), "coarse", inputs=inputs, derivatives=True)
     by = {"mould.taper": Slope(3.0, 0.5, "%/m"), H["key"]: Slope(0.4, 1600.0, "W/(m^2 K)")}
     ideal = {H["key"]: Slope(0.2, 1600.0, "W/(m^2 K)")} if inputs else None

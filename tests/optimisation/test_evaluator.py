@@ -1,4 +1,4 @@
-"""All results of a case with some keys changed: each run once, failures with how far they came."""
+"""Results of a case with some keys changed: each run once, failures with their position."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import key_of
 
 SHORT = {"casting.length": "6 mm"}
-# Colder than the steel's data go: the run ends on its way.
+# Colder than the data of the steel: the run ends early.
 STOPS = {"cooling.mould.surface": [{"law": "flux", "value": "400 MW/m^2"}]}
 
 
@@ -35,7 +35,7 @@ def _rows(folder: Path) -> dict[str, dict[str, str]]:
         return {row["casting.speed [m/min]"]: row for row in csv.DictReader(file)}
 
 
-def test_each_case_is_run_once(tmp_path):
+def test_each_case_runs_once(tmp_path):
     with Evaluator(small(SHORT), tmp_path / "runs") as evaluate:
         first = evaluate({"speed": "3 m/min"})
         again = evaluate({"casting.speed": "0.05 m/s"})  # the same in other words
@@ -49,12 +49,12 @@ def test_each_case_is_run_once(tmp_path):
                       tmp_path / "runs")  # fmt: skip
     assert other({"speed": "3 m/min"}).quantities == first.quantities
     assert other.runs == 0
-    assert other({"speed": "3 m/min", "output.every": "0.01 s"}) != first  # it ends windows
+    assert other({"speed": "3 m/min", "output.every": "0.01 s"}) != first  # it cuts windows
     assert other.runs == 1
 
 
 def test_rows_are_those_of_a_sweep(tmp_path, monkeypatch):
-    """The same numbers to the last digit, and what a sweep has run is found."""
+    """The same numbers to the last digit; finished runs of a sweep are used."""
     monkeypatch.chdir(tmp_path)
     write_small(tmp_path)
     fixed = ("casting.length=6 mm",)
@@ -77,7 +77,7 @@ def test_rows_are_those_of_a_sweep(tmp_path, monkeypatch):
         assert same == {k: v for k, v in row.items() if k in same}
 
 
-def test_a_run_that_fails_tells_how_far_it_came(tmp_path):
+def test_failed_run_has_its_position(tmp_path):
     with Evaluator(small({"casting.length": "6 mm"}), tmp_path) as evaluate:
         failed = evaluate(STOPS)
         assert failed.failed
@@ -90,8 +90,8 @@ def test_a_run_that_fails_tells_how_far_it_came(tmp_path):
     assert later.runs == 0
 
 
-def test_goes_on_after_a_kill(tmp_path):
-    """A process that is killed in the middle costs the run it was at, and that goes on."""
+def test_search_continues_after_a_kill(tmp_path):
+    """A killed process loses only its current run, which is resumed."""
     write_small(tmp_path)
     script = tmp_path / "script.py"
     script.write_text(
@@ -118,8 +118,8 @@ def test_goes_on_after_a_kill(tmp_path):
     assert len((tmp_path / "runs" / "sweep.csv").read_text().splitlines()) == 1 + 5  # all
 
 
-def test_a_folder_in_use_teaches_nothing(tmp_path, monkeypatch):
-    """As a run of a command that was just killed may still be: it is waited for, then told."""
+def test_folder_in_use_is_no_failure_of_the_run(tmp_path, monkeypatch):
+    """As that of a command just killed may be: it is waited for, then reported."""
     from filelock import FileLock
 
     monkeypatch.setattr(evaluator, "_PATIENCE", (0.0,))
@@ -132,8 +132,8 @@ def test_a_folder_in_use_teaches_nothing(tmp_path, monkeypatch):
         assert not evaluate().failed
 
 
-def test_a_full_disk_teaches_nothing(tmp_path, monkeypatch):
-    """The run counts as cut short in this call and later ones, though it could say how it ended."""
+def test_full_disk_is_no_failure_of_the_run(tmp_path, monkeypatch):
+    """The run counts as interrupted, now and in later calls, although it recorded its end."""
 
     def full(path: Path) -> None:
         if "checkpoint" in path.name:
@@ -160,15 +160,15 @@ def test_levels(tmp_path):
         at_level(case, "corse")
 
 
-def test_a_smooth_twin_is_computed_where_it_is_named():
-    """By the search's own runs; a case that does not name it has none, nor another key."""
+def test_smooth_twin_is_computed_if_named():
+    """In the runs of the search; a case that does not name it has none, and another key."""
     case = load("billet125/optimum_single")
-    asked = lean(case.with_({"optimise.minimise": "von_mises_smooth"}))
-    assert asked.output.smooth
-    assert idealised(asked).output.smooth
+    named = lean(case.with_({"optimise.minimise": "von_mises_smooth"}))
+    assert named.output.smooth
+    assert idealised(named).output.smooth
     plain = lean(case)
     assert plain.output.smooth is None
-    keys = {key_of(*portable(one, "properties")) for one in (asked, plain)}
+    keys = {key_of(*portable(one, "properties")) for one in (named, plain)}
     assert len(keys) == 2
 
 
@@ -186,8 +186,8 @@ def test_idealised_mould():
     assert thermal.mould is None
 
 
-def test_wall_of_the_mould_is_kept_without_it():
-    """The wall's temperature along the mould becomes that of the contact law, over time."""
+def test_wall_temperature_is_kept_without_the_mould():
+    """The wall temperature along the mould becomes that of the contact law, over time."""
     table = {"position": [0, 300, 600], "position_unit": "mm", "value": [120, 220, 140],
              "unit": "degC"}  # fmt: skip
     case = load("billet125/taper_1").with_(
@@ -215,16 +215,16 @@ def test_ranks_do_the_runs(tmp_path):
     )
     done = python_on(3, str(script), folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    alone = Evaluator(small(SHORT), tmp_path / "alone")
-    heat = [alone({"speed": f"{v} m/min"})["heat_removed"] for v in (3, 4, 5)]
+    single = Evaluator(small(SHORT), tmp_path / "alone")
+    heat = [single({"speed": f"{v} m/min"})["heat_removed"] for v in (3, 4, 5)]
     assert done.stdout.strip() == f"{heat} 3"
 
 
 @needs_mpirun
-def test_groups_of_ranks_do_the_runs_also_after_a_full_disk(tmp_path):
-    """No rank is left waiting where rank 0 cannot write the record of the runs, and says so.
+def test_groups_of_ranks_continue_after_a_full_disk(tmp_path):
+    """No rank is left waiting if rank 0 cannot write the record of the runs, and reports it.
 
-    One run fails, in whichever group: the others go on, and later calls find the ranks ready.
+    One run fails, in any group: the others continue, and later calls find the ranks ready.
     """
     write_small(tmp_path)
     script = tmp_path / "script.py"
@@ -250,10 +250,10 @@ def test_groups_of_ranks_do_the_runs_also_after_a_full_disk(tmp_path):
     )
     done = python_on(4, str(script), folder=tmp_path, timeout=180.0)
     assert done.returncode == 0, done.stderr
-    alone = Evaluator(small(SHORT), tmp_path / "alone")
-    heat = [alone({"speed": f"{v} m/min"})["heat_removed"] for v in (3, 4, 5, 6)]
-    said, _, answer = done.stdout.strip().partition("\n")
-    assert said == "no space"
+    single = Evaluator(small(SHORT), tmp_path / "alone")
+    heat = [single({"speed": f"{v} m/min"})["heat_removed"] for v in (3, 4, 5, 6)]
+    message, _, answer = done.stdout.strip().partition("\n")
+    assert message == "no space"
     found, _, count = answer.rpartition(" ")
     assert count == "5"
     values = json.loads(found.replace("True", "true"))
@@ -263,7 +263,7 @@ def test_groups_of_ranks_do_the_runs_also_after_a_full_disk(tmp_path):
     assert [record["ranks"] for record in records] == [2] * 5
 
 
-def test_ranks_that_cannot_be_parted(tmp_path):
+def test_impossible_groups_of_ranks_are_refused(tmp_path):
     for ranks, message in (
         (2, r"ranks=2: 1 rank cannot .* mpirun -n 2 for one"),
         (0, "ranks must be an integer >= 1"),

@@ -1,4 +1,4 @@
-"""The front of two results: known ones, failures, noise, and what cannot be asked for."""
+"""The front of two results: known ones, failures, noise, and invalid requests."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def front(one: Study, given: Given) -> Front:
 
 
 def opposed(wanted: RunRequest) -> dict[str, float]:
-    """Least stress at 3 m/min, most heat at 4.5; all between is on the front."""
+    """Return least stress at 3 m/min and most heat at 4.5; all between is on the front."""
     speed = wanted.values[0]
     return {STRESS: 1e7 + 1e6 * (speed - 3.0) ** 2, HEAT: 9e6 - 1e6 * (speed - 4.5) ** 2}
 
@@ -42,7 +42,7 @@ def test_one_variable():
     assert len(speeds) == 7
     assert speeds == sorted(speeds)
     assert (speeds[0], speeds[-1]) == pytest.approx((3.0, 4.5), abs=0.02)
-    # A gap is halved in the second result, of those the larger in spans of either.
+    # A gap is halved in the second result, the larger one by the spans of both.
     assert np.max(np.diff(speeds)) < 0.5
     for point in found.points:
         assert point.first == pytest.approx(1e7 + 1e6 * (point.values[0] - 3.0) ** 2)
@@ -71,13 +71,13 @@ def test_two_variables():
     assert not found.exhausted
 
 
-def test_constraints_hold_on_it():
+def test_constraints_hold_on_the_front():
     found = front(study(constraints=["heat_removed >= 8 MJ/m"]), opposed)
     assert found.points[0].values[0] == pytest.approx(3.5, abs=0.01)
     assert all(point.second >= 8e6 - 1.0 for point in found.points)
 
 
-def test_best_together():
+def test_common_optimum_is_a_single_point():
     def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: opposed(wanted)[STRESS], HEAT: -opposed(wanted)[STRESS]}
 
@@ -86,8 +86,8 @@ def test_best_together():
     assert any("are best together" in line for line in report(optimum) if isinstance(line, str))
 
 
-def test_runs_that_fail_on_it():
-    """Above 4 m/min the strand breaks: the front ends there."""
+def test_failing_runs_end_the_front():
+    """Above 4 m/min the strand breaks out: the front ends there."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
@@ -101,7 +101,7 @@ def test_runs_that_fail_on_it():
 
 
 def test_noise_is_no_front():
-    """Heat that changes by noise alone is not to be had for stress."""
+    """Heat that changes only by noise is no trade-off for stress."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         scatter = np.random.default_rng(round(1e4 * wanted.values[0])).normal()
@@ -112,7 +112,7 @@ def test_noise_is_no_front():
         assert b.second - a.second > found.second.noise
 
 
-def test_asked_run_by_run():
+def test_requests_run_by_run_give_the_same_front():
     one, told_so_far = study(), {}
     at_once = solve(study(), opposed)
     while wanted := one.ask():
@@ -127,7 +127,7 @@ def test_asked_run_by_run():
     assert again.result() == at_once
 
 
-def test_written_told_and_drawn(tmp_path):
+def test_front_is_written_reported_and_drawn(tmp_path):
     optimum = solve(study(), opposed)
     assert optimum.front is not None
     lines = write_front(tmp_path, optimum.front).read_text().splitlines()
@@ -138,12 +138,12 @@ def test_written_told_and_drawn(tmp_path):
     assert float(lines[1].split(",")[0]) == pytest.approx(3.0, abs=0.02)
     save(front_figure(optimum.front), tmp_path / "front.png")
     assert (tmp_path / "front.png").read_bytes().startswith(b"\x89PNG")
-    said = [line for line in report(optimum) if isinstance(line, str)]
-    assert any("the front of von_mises_max and heat_removed" in line for line in said)
+    messages = [line for line in report(optimum) if isinstance(line, str)]
+    assert any("the front of von_mises_max and heat_removed" in line for line in messages)
 
 
 @pytest.mark.parametrize(
-    ("asked", "line"),
+    ("table", "line"),
     [
         ({"points": 5}, "optimise.front: one of minimise and maximise is needed"),
         ({"maximise": HEAT, "minimise": HEAT}, "optimise.front: one of minimise and maximise"),
@@ -152,7 +152,7 @@ def test_written_told_and_drawn(tmp_path):
         ({"maximise": HEAT, "points": 2}, "optimise.front.points"),
     ],
 )
-def test_mistakes(asked: dict[str, Any], line: str):
+def test_invalid_requests_are_refused(table: dict[str, Any], line: str):
     with pytest.raises(InputError) as error:
-        study(front=asked)
+        study(front=table)
     assert any(line in problem for problem in error.value.problems), error.value.problems

@@ -1,4 +1,4 @@
-"""Searches that begin with runs all over the ranges, by Optuna (the extra castfem[optimise])."""
+"""Searches that begin with runs all over the ranges, with Optuna (the extra castfem[optimise])."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def study(*variables: dict[str, Any], method: str = "optuna", **table: Any) -> S
 
 
 def two_valleys(wanted: RunRequest) -> dict[str, float]:
-    """The better one, 9 at 4.4 m/min, lies behind a hill, seen from 2.2 m/min, where it is 10."""
+    """Return the lesser of two valleys: 10 at 2.4 m/min, and behind a hill 9 at 4.4 m/min."""
     speed = wanted.values[0]
     return {STRESS: min(10.0 + 4.0 * (speed - 2.4) ** 2, 9.0 + 20.0 * (speed - 4.4) ** 2)}
 
 
 @installed
-def test_the_better_of_two_valleys():
+def test_better_of_two_valleys_is_found():
     start = {**SPEED, "start": "2.2 m/min"}
     stuck = solve(study(start, method="cobyqa"), two_valleys)
     assert stuck.values[0].value == pytest.approx(2.4, abs=0.02)
@@ -47,7 +47,7 @@ def test_the_better_of_two_valleys():
 
 
 def wedges(wanted: RunRequest) -> dict[str, float]:
-    """Two of one depth, of other slopes: no search hits both tips alike."""
+    """Return two valleys of one depth with different slopes: no search hits both equally."""
     speed = wanted.values[0]
     return {STRESS: min(10.0 + 4.0 * abs(speed - 2.4), 10.0 + 9.0 * abs(speed - 4.37))}
 
@@ -66,8 +66,8 @@ def scattered(wanted: RunRequest) -> dict[str, float]:
 @pytest.mark.parametrize(
     ("given", "near"), [(bowls, (2.5, 4.3)), (scattered, (2.5, 4.3)), (wedges, (2.4, 4.37))]
 )
-def test_two_valleys_of_one_depth_are_told(given: Given, near: tuple[float, float]) -> None:
-    """One is the answer, the other is named, once, in the first line and by its values."""
+def test_two_valleys_of_one_depth_are_reported(given: Given, near: tuple[float, float]) -> None:
+    """One is the answer, the other is named once, in the first line and with its values."""
     found = solve(study({**SPEED, "start": "2.2 m/min"}), given)
     (other,) = found.other_optima
     places = sorted([found.values[0].value, *other])
@@ -78,8 +78,8 @@ def test_two_valleys_of_one_depth_are_told(given: Given, near: tuple[float, floa
 
 
 @installed
-def test_a_valley_that_is_not_as_deep_or_misses_a_constraint_is_not_told():
-    """One is worse by a tenth, in the other the heat is missing."""
+def test_worse_or_infeasible_valley_is_not_reported():
+    """One is worse by a tenth, the other lacks heat."""
     found = solve(study({**SPEED, "start": "2.2 m/min"}), two_valleys)
     assert not found.other_optima
     assert "another place" not in str(next(iter(report(found))))
@@ -87,14 +87,14 @@ def test_a_valley_that_is_not_as_deep_or_misses_a_constraint_is_not_told():
     def given(wanted: RunRequest) -> dict[str, float]:
         return {**bowls(wanted), HEAT: 1e6 * wanted.values[0]}
 
-    asked = {"constraints": ["heat_removed >= 3 MJ/m"]}
-    found = solve(study({**SPEED, "start": "2.2 m/min"}, **asked), given)
+    table = {"constraints": ["heat_removed >= 3 MJ/m"]}
+    found = solve(study({**SPEED, "start": "2.2 m/min"}, **table), given)
     assert found.values[0].value == pytest.approx(4.3, abs=0.01) and not found.other_optima
 
 
 @installed
-def test_a_small_room_among_failures():
-    """Runs come through in a corner of both ranges alone, and heat is to be had in a part of it."""
+def test_small_feasible_region_among_failures_is_found():
+    """Runs succeed only in a corner of both ranges, and only a part of it has the heat."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed, superheat = wanted.values
@@ -110,8 +110,8 @@ def test_a_small_room_among_failures():
 
 
 @installed
-def test_asked_run_by_run():
-    """Told a run at a time by objects that know nothing of one another, it goes the same way."""
+def test_requests_run_by_run_give_the_same_answer():
+    """Results are given one at a time to objects without a common state."""
     at_once = solve(study(SPEED, most_runs=24), two_valleys)
     told_so_far: dict[RunRequest, Mapping[str, float]] = {}
     for _ in range(60):
@@ -125,14 +125,14 @@ def test_asked_run_by_run():
     assert one.result() == at_once
 
 
-def test_it_is_missed_before_a_run(monkeypatch: pytest.MonkeyPatch):
+def test_missing_optuna_is_reported_before_a_run(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"Optuna is not installed; pip install \"castfem\[opti"):
         study(SPEED)
 
 
-def test_a_valley_that_is_flat_is_one_valley() -> None:
-    """Runs beyond the quadratics that are as good are of it: the interval reaches to them."""
+def test_flat_valley_is_one_valley() -> None:
+    """Equally good runs beyond the quadratics belong to it: the interval includes them."""
 
     def quartic(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: 10.0 + 1e-3 * (wanted.values[0] - 3.5) ** 4}
@@ -144,10 +144,10 @@ def test_a_valley_that_is_flat_is_one_valley() -> None:
     assert found.values[0].low <= 2.2  # of the last, which is flat
 
 
-# The search by derivatives: known optima, kinks, runs that fail or tell none, what is refused
+# The search by derivatives: known optima, kinks, failed runs, runs without derivatives, refusals
 
 
-COST = "surface_temperature_mid_face"  # K, whatever it is called: the case has no mechanics
+COST = "surface_temperature_mid_face"  # K, used as stress: the case has no mechanics
 BY_SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}
 H = {
     "key": "cooling.mould.surface.0.coefficient",
@@ -157,11 +157,11 @@ H = {
 VARIABLES = (SPEED, BY_SUPERHEAT, H)
 RANGES = np.array([3.0, 20.0, 200.0])
 Results = Callable[[Array], tuple[tuple[float, float], Array]]
-"""Stress and heat at shares of the ranges, and their derivatives by these (2, n)."""
+"""Stress and heat at shares of the ranges, and their derivatives by the shares (2, n)."""
 
 
 def smooth(u: Array) -> tuple[tuple[float, float], Array]:
-    """Stress is least at 0.7, 0.3, 0.6, along a valley across the axes; heat grows with all."""
+    """Return stress, least at 0.7, 0.3, 0.6 in a valley across the axes, and growing heat."""
     off = u - np.array([0.7, 0.3, 0.6])
     bend = np.array([[3.0, 2.0, 0.5], [2.0, 3.0, 0.0], [0.5, 0.0, 1.0]])
     stress = 1e3 * (1.0 + 0.5 * off @ bend @ off)
@@ -169,7 +169,7 @@ def smooth(u: Array) -> tuple[tuple[float, float], Array]:
 
 
 def kinked(u: Array) -> tuple[tuple[float, float], Array]:
-    """The larger of two slopes that meet along a line across the axes."""
+    """Return the larger of two slopes that intersect along a line across the axes."""
     one, other = 2.0 * u[0] + u[1] - 1.4, 1.3 - u[0] - 1.5 * u[1]
     first = one > other
     slope = np.array([2.0, 1.0, 0.0]) if first else np.array([-1.0, -1.5, 0.0])
@@ -179,17 +179,17 @@ def kinked(u: Array) -> tuple[tuple[float, float], Array]:
     return (stress, 1e6), np.array([1e3 * by, np.zeros(3)])
 
 
-class Told:
-    """A study by derivatives that is told its results; what it has asked for is kept."""
+class StudyWithResults:
+    """A study by derivatives that gets known results; its requests are kept."""
 
     def __init__(self, folder: Path | None, results: Results, **table: Any) -> None:
-        asked = {"minimise": COST, "variable": list(VARIABLES), "method": "slsqp", **table}
-        case = small({"casting.length": "6 mm", "optimise": asked})
+        request = {"minimise": COST, "variable": list(VARIABLES), "method": "slsqp", **table}
+        case = small({"casting.length": "6 mm", "optimise": request})
         self.study, self._results = Study(case, folder), results
         self.runs: set[RunRequest] = set()
 
     def answer(self, derivatives: bool = True, fails: float = 2.0) -> Optimum:
-        """The answer; runs whose first share is beyond a value fail, and may tell no slopes."""
+        """Return the answer; runs whose first share is above a value fail."""
         while wanted := self.study.ask():
             for one in wanted:
                 self.runs.add(one)
@@ -201,48 +201,48 @@ class Told:
         if u[0] > fails:
             return Evaluation({}, 0.9 - 0.5 * (u[0] - fails), "breakout")
         (stress, heat), slopes = self._results(u)
-        told = quantities_of(self.study.problem, wanted, {COST: stress, HEAT: heat})
+        results = quantities_of(self.study.problem, wanted, {COST: stress, HEAT: heat})
         if not (derivatives and wanted.derivatives):
-            return Evaluation(told)
+            return Evaluation(results)
         units = ("m/min", "K", "W/(m^2 K)")
         found = {}
         for name, row in zip((COST, HEAT), slopes, strict=True):
             each = zip(VARIABLES, row / RANGES, wanted.values, units, strict=True)
             found[name] = {v["key"]: Slope(by, at, unit) for v, by, at, unit in each}
-        return Evaluation(told, slopes=found)
+        return Evaluation(results, slopes=found)
 
 
-def shares(told: Told, found: Optimum) -> Array:
-    return told.study.problem.shares(RunRequest(tuple(v.value for v in found.values), "default"))
+def shares(known: StudyWithResults, found: Optimum) -> Array:
+    return known.study.problem.shares(RunRequest(tuple(v.value for v in found.values), "default"))
 
 
-def test_the_least_of_a_bowl(tmp_path: Path) -> None:
-    told = Told(tmp_path / "runs", smooth)
-    found = told.answer()
-    assert shares(told, found) == pytest.approx([0.7, 0.3, 0.6], abs=0.01)
-    plain = Told(tmp_path / "others", smooth, method="cobyqa")
+def test_minimum_of_a_bowl_is_found(tmp_path: Path) -> None:
+    known = StudyWithResults(tmp_path / "runs", smooth)
+    found = known.answer()
+    assert shares(known, found) == pytest.approx([0.7, 0.3, 0.6], abs=0.01)
+    plain = StudyWithResults(tmp_path / "others", smooth, method="cobyqa")
     assert shares(plain, plain.answer()) == pytest.approx([0.7, 0.3, 0.6], abs=0.03)
-    assert len(told.runs) < len(plain.runs)
-    assert any(run.derivatives for run in told.runs)
+    assert len(known.runs) < len(plain.runs)
+    assert any(run.derivatives for run in known.runs)
     assert not any(run.derivatives for run in plain.runs)
 
 
-def test_a_bound_holds_it(tmp_path: Path) -> None:
-    """Heat of 2 MJ/m: bend @ off = lambda (1, 1, 1) and the shares add up to 2."""
-    told = Told(tmp_path / "runs", smooth, constraints=["heat_removed >= 2 MJ/m"])
-    found = told.answer()
+def test_constraint_holds(tmp_path: Path) -> None:
+    """With heat of 2 MJ/m: bend @ off = lambda (1, 1, 1), and the shares add up to 2."""
+    known = StudyWithResults(tmp_path / "runs", smooth, constraints=["heat_removed >= 2 MJ/m"])
+    found = known.answer()
     bend = np.array([[3.0, 2.0, 0.5], [2.0, 3.0, 0.0], [0.5, 0.0, 1.0]])
     along = np.linalg.solve(bend, np.ones(3))
     best = np.array([0.7, 0.3, 0.6]) + 0.4 * along / np.sum(along)
-    assert shares(told, found) == pytest.approx(best, abs=0.02)
+    assert shares(known, found) == pytest.approx(best, abs=0.02)
     assert [one.binding for one in found.constraints] == [True]
 
 
-def test_a_kink_stops_no_search(tmp_path: Path) -> None:
-    """Both slopes are alike along a line; what is least on it COBYQA finds from there."""
-    told = Told(tmp_path / "runs", kinked)
-    found = told.answer()
-    u = shares(told, found)
+def test_kink_does_not_stop_the_search(tmp_path: Path) -> None:
+    """Both slopes are equal along a line; COBYQA finds the least on it from there."""
+    known = StudyWithResults(tmp_path / "runs", kinked)
+    found = known.answer()
+    u = shares(known, found)
     best, _ = min(
         (kinked(np.array([x, np.clip((2.7 - 3.0 * x) / 2.5, 0.0, 1.0), 0.4])) for x in
          np.linspace(0.0, 1.0, 2001)),
@@ -252,10 +252,10 @@ def test_a_kink_stops_no_search(tmp_path: Path) -> None:
     assert here < best[0] + 20.0
 
 
-def test_runs_that_fail_on_the_way(tmp_path: Path) -> None:
-    told = Told(tmp_path / "runs", smooth, constraints=["heat_removed >= 2 MJ/m"])
-    found = told.answer(fails=0.72)
-    u = shares(told, found)
+def test_failing_runs_limit_the_search(tmp_path: Path) -> None:
+    known = StudyWithResults(tmp_path / "runs", smooth, constraints=["heat_removed >= 2 MJ/m"])
+    found = known.answer(fails=0.72)
+    u = shares(known, found)
     assert u[0] <= 0.72
     assert np.sum(u) >= 2.0 - 1e-3
     (stress, _), _ = smooth(u)
@@ -269,20 +269,20 @@ def test_runs_that_fail_on_the_way(tmp_path: Path) -> None:
     assert stress < least + 10.0
 
 
-def test_runs_that_tell_no_derivatives(tmp_path: Path) -> None:
-    """COBYQA takes over, with what it always finds."""
-    told = Told(tmp_path / "runs", smooth)
-    plain = Told(tmp_path / "others", smooth, method="cobyqa")
-    found, other = told.answer(derivatives=False), plain.answer()
-    assert shares(told, found) == pytest.approx(shares(plain, other), abs=1e-3)
+def test_runs_without_derivatives_use_cobyqa(tmp_path: Path) -> None:
+    """COBYQA takes over, with its own result."""
+    known = StudyWithResults(tmp_path / "runs", smooth)
+    plain = StudyWithResults(tmp_path / "others", smooth, method="cobyqa")
+    found, other = known.answer(derivatives=False), plain.answer()
+    assert shares(known, found) == pytest.approx(shares(plain, other), abs=1e-3)
 
 
-def test_what_is_refused(tmp_path: Path) -> None:
+def test_invalid_requests_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"optimise.method: slsqp needs the derivatives that"):
-        Told(None, smooth)
+        StudyWithResults(None, smooth)
     size = {"key": "mesh.surface_size", "range": ["4 mm", "5 mm"]}
-    asked = {"minimise": HEAT, "method": "slsqp", "variable": [size]}
-    case = small({"casting.length": "6 mm", "optimise": asked})
+    request = {"minimise": HEAT, "method": "slsqp", "variable": [size]}
+    case = small({"casting.length": "6 mm", "optimise": request})
     with pytest.raises(InputError) as error:
         Study(case, tmp_path / "runs")
     (problem,) = error.value.problems

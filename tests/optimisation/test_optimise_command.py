@@ -1,4 +1,4 @@
-"""`castfem optimise`: the answer printed, written and drawn; it goes on where it was."""
+"""`castfem optimise`: the answer printed, written and drawn; interrupted searches continue."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def case(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory):
-    """The folder of a search by one process, and its answer."""
+    """Return the folder of a search in one process, and its answer."""
     folder = tmp_path_factory.mktemp("searched")
     (folder / "small.toml").write_text(SHORT + TABLE)
     return folder / "out", castfem.optimise(folder / "small.toml", folder / "out")
@@ -51,7 +51,7 @@ def searched(tmp_path_factory):
 
 @pytest.fixture
 def lost(case, searched):
-    """Runs of such a search, of all levels, that have to be made again."""
+    """Return runs of such a search, of all levels, that have to be repeated."""
     shutil.copytree(searched[0], case / "out")
     runs = sorted(path.parent for path in (case / "out").glob("*/run.json"))[::3]
     assert len(runs) > 5 and any("fidelity_coarse" in run.name for run in runs)
@@ -61,7 +61,7 @@ def lost(case, searched):
 
 
 def status_of(*words: str) -> int:
-    """Of a command that is done in this process."""
+    """Return the exit status of a command in this process."""
     try:
         app(list(words), standalone_mode=False)
     except SystemExit as end:
@@ -76,7 +76,7 @@ def test_command(case, capsys):
     call("-j", "1", "-o", "out")
     first = capsys.readouterr()
     content = json.loads((case / "out" / "optimum.json").read_text())
-    # The slower, the colder: the range's end, where nothing binds.
+    # The slower, the colder: the end of the range, without a binding constraint.
     assert content["status"] == "found"
     assert content["values"][0]["value"] == 2.0
     assert content["values"][0]["at_end"] == "lowest"
@@ -84,16 +84,18 @@ def test_command(case, capsys):
     assert (case / "out" / "optimum.png").read_bytes().startswith(b"\x89PNG")
     assert "casting.speed at the lowest of its range" in first.out
     assert "[m/min]" in first.out
-    said = first.err.splitlines()
-    search, error = (next(i for i, line in enumerate(said) if line.startswith(w))
+    messages = first.err.splitlines()
+    search, error = (next(i for i, line in enumerate(messages) if line.startswith(w))
                      for w in ("search", "numerical error: "))  # fmt: skip
-    assert said[search + 1].startswith("run ") and not any("fine" in one for one in said[:error])
-    assert any("fine" in one for one in said[error + 1 :])
+    assert messages[search + 1].startswith("run ") and not any(
+        "fine" in one for one in messages[:error]
+    )
+    assert any("fine" in one for one in messages[error + 1 :])
     with (case / "out" / "sweep.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == content["runs"]["all"]
     assert {row["fidelity"] for row in rows} == {"coarse", "", "fine"}
-    # Again: nothing is run, the same is said.
+    # Again: no run, the same output.
     call("-j", "1", "-o", "out", "--no-figures")
     again = capsys.readouterr()
     assert "run 1, " not in again.err
@@ -101,7 +103,7 @@ def test_command(case, capsys):
     call("-j", "1", "-o", "out", "--no-figures", "--units", "si")
     assert "[degC]" in again.out and "[degC]" not in capsys.readouterr().out
     assert json.loads((case / "out" / "optimum.json").read_text()) == content
-    # What cannot be met, with a status that is not zero.
+    # Constraints that cannot be met, with an exit status other than zero.
     call("-j", "1", "-o", "out", "--no-figures", "--set",
          'optimise.constraints=["heat_removed >= 3 MJ/m"]')  # fmt: skip
     last = capsys.readouterr()
@@ -110,8 +112,8 @@ def test_command(case, capsys):
 
 
 @needs_mpirun
-def test_over_ranks(case, lost, searched):
-    """Two ranks do the runs that rank 0 asks for, until the answer is there; errors end all."""
+def test_search_over_ranks(case, lost, searched):
+    """Two ranks do the runs requested by rank 0, until the answer is found; errors end all."""
     words = ("optimise", "small", "--no-figures")
     refused = {
         (*words, "-o", "small.toml"): "small.toml: is a file",
@@ -129,8 +131,8 @@ def test_over_ranks(case, lost, searched):
 
 
 @needs_mpirun
-def test_on_groups_of_ranks(case, lost):
-    """Killed in the middle it goes on, and its answer is that of one process."""
+def test_search_on_groups_of_ranks(case, lost):
+    """Killed half-way it continues, and its answer is that of one process."""
     words = ("optimise", "small", "--no-figures")
     tight = ("--set", 'optimise.constraints=["heat_removed <= 0.12 MJ/m"]')
     assert status_of(*words, *tight, "-j", "1", "-o", "alone") == 0
@@ -144,23 +146,23 @@ def test_on_groups_of_ranks(case, lost):
     assert not (case / "out" / "optimum.json").exists()
     done = python_on(2, *in_groups, folder=case)
     assert done.returncode == 0, done.stderr
-    alone, out = (
+    single, out = (
         json.loads((case / name / "optimum.json").read_text()) for name in ("alone", "out")
     )
     made = set((case / "out").glob("*/summary.json")) - before
     assert 0 < done.stderr.count(" finished in ") <= len(made) - 4
-    assert alone["status"] == out["status"] == "found"
-    assert alone["runs"] == out["runs"]
+    assert single["status"] == out["status"] == "found"
+    assert single["runs"] == out["runs"]
     for key in ("value", "low", "high", "checked"):
-        assert out["values"][0][key] == pytest.approx(alone["values"][0][key], rel=1e-4), key
-    assert out["objective"]["value"] == pytest.approx(alone["objective"]["value"], rel=1e-9)
+        assert out["values"][0][key] == pytest.approx(single["values"][0][key], rel=1e-4), key
+    assert out["objective"]["value"] == pytest.approx(single["objective"]["value"], rel=1e-9)
     records = [json.loads(path.with_name("run.json").read_text()) for path in made]
     assert {record["ranks"] for record in records} == {2}
 
 
 @needs_mpirun
-def test_from_python(case, lost):
-    """On all ranks the answer of the command, and what is wrong."""
+def test_search_from_python(case, lost):
+    """On all ranks the answer of the command, and its errors."""
     (case / "script.py").write_text(
         "import castfem\nfrom mpi4py import MPI\n"
         "best = castfem.optimise('small', 'out', ranks=MPI.COMM_WORLD.size)\n"
@@ -181,14 +183,14 @@ def test_from_python(case, lost):
     assert [record["ranks"] for record in records] == [2] * len(lost)
 
 
-def test_groups_that_one_rank_cannot_form(case):
+def test_groups_need_more_than_one_rank(case):
     with pytest.raises(InputError, match="--ranks 2: 1 rank cannot be divided so"):
         status_of("optimise", "small", "-o", "out", "--ranks", "2")
     assert not (case / "out").exists()
 
 
 @pytest.mark.parametrize("name", ["sweep.csv", "optimum.json", "mould.csv", "front.csv"])
-def test_a_file_of_the_user_stays(case, name):
+def test_file_of_the_user_is_kept(case, name):
     (case / "out").mkdir()
     mine = case / "out" / name
     mine.write_text("mine")

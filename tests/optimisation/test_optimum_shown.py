@@ -1,4 +1,4 @@
-"""How an optimum is shown: what differs is seen to differ, nothing small as 0; its figures."""
+"""Output of an optimum: differences are visible, small values are not 0; its figures."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ from castfem.studies.optimisation import Optimum, RunRequest, Study
         (math.nan, "mm", 0.1, "-"),
     ],
 )
-def test_results(value: float, unit: str, apart: float, printed: str) -> None:
+def test_results_have_the_digits_of_their_differences(
+    value: float, unit: str, apart: float, printed: str
+) -> None:
     assert result(value, unit, apart) == printed
 
 
@@ -49,8 +51,8 @@ def lines(found: Optimum) -> str:
     return console.export_text()
 
 
-def test_the_tables_of_an_answer():
-    """A gap of some micrometres, a stress that the check moves by a thousandth."""
+def test_tables_of_an_answer():
+    """A gap of some micrometres, a stress that the check changes by a thousandth."""
 
     def given(wanted: RunRequest) -> Mapping[str, float]:
         speed = wanted.values[0]
@@ -59,24 +61,24 @@ def test_the_tables_of_an_answer():
         return {STRESS: stress, "mould_gap_max": 1e-6 * (4.2 - speed)}
 
     constraints = ["mould_gap_max <= 0.0012 mm"]
-    asked = {"minimise": STRESS, "variable": [SPEED], "constraints": constraints}
-    table = {"casting.length": "6 mm", "optimise": {**asked, "fidelity": "coarse"}}
+    request = {"minimise": STRESS, "variable": [SPEED], "constraints": constraints}
+    table = {"casting.length": "6 mm", "optimise": {**request, "fidelity": "coarse"}}
     printed = lines(solve(Study(small(table)), given))
     assert "0.0012" in printed.split("mould_gap_max <= 0.0012 mm [mm]")[1].splitlines()[0]
     assert "9.2" in printed.split("von_mises_max [MPa]")[1].split()
     assert "by fine, casting.speed = 3 m/min: von_mises_max 9.20070 MPa" in printed
 
 
-def test_the_column_of_the_check_is_that_of_its_constraints():
-    """The objective of the fine level is best at another speed, which that column does not have."""
+def test_column_of_the_check_has_its_constraints():
+    """At the fine level the objective is best at another speed, which is not in that column."""
 
     def given(wanted: RunRequest) -> Mapping[str, float]:
         speed = wanted.values[0]
         best = 3.8 if wanted.fidelity == "fine" else 3.6
         return {STRESS: 1e6 * (8.0 + (speed - best) ** 2), "mould_gap_max": 1e-6 * speed}
 
-    asked = {"minimise": STRESS, "variable": [SPEED], "constraints": ["mould_gap_max <= 1 mm"]}
-    table = {"casting.length": "6 mm", "optimise": {**asked, "fidelity": "coarse"}}
+    request = {"minimise": STRESS, "variable": [SPEED], "constraints": ["mould_gap_max <= 1 mm"]}
+    table = {"casting.length": "6 mm", "optimise": {**request, "fidelity": "coarse"}}
     printed = lines(solve(Study(small(table)), given))
     heads, _, row = printed.splitlines()[1:4]
     assert "constraints by fine" in heads and "best by fine" not in heads
@@ -95,8 +97,8 @@ def run(folder: Path, **columns: Any) -> Path:
     return folder
 
 
-def test_the_mould_and_the_run_in_it(tmp_path):
-    """Down to the end of the mould, with the panels that the run has columns for."""
+def test_mould_and_its_run_are_drawn(tmp_path):
+    """Down to the end of the mould, with panels for the columns of the run."""
     gaps = {"gap_mid_face [mm]": [0.0, 0.01, 0.02, 9.0], "gap_corner [mm]": [0.0, 0.02, 0.1, 9.0]}
     folder = run(tmp_path, **gaps, **{"von_mises_max [MPa]": [0.0, 3.0, 7.0, 99.0]})
     sizes, gap, stress = mould_figure(HEAD, ROWS, folder).axes

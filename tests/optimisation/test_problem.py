@@ -1,4 +1,4 @@
-"""[optimise]: what it asks for, and one line for each mistake in it."""
+"""[optimise]: its meaning, and one line for each mistake in it."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_round_trip(tmp_path):
          'optimise.input.0.key: ("casting.speed") is a variable, too'),
     ],
 )  # fmt: skip
-def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, line: str):
+def test_mistakes_in_the_file_are_reported(tmp_path: Path, old: str, new: str, line: str):
     path = tmp_path / "case.toml"
     path.write_text(SMALL + TABLE.replace(old, new))
     problems = read_case(path).problems
@@ -96,10 +96,13 @@ def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, line: str):
         ("thermal.time.scheme", LENGTHS, "one of sdirk2, backward_euler; a number is varied: name"),
     ],
 )  # fmt: skip
-def test_keys_that_cannot_be_varied(key: str, ends: list[Any], line: str):
-    asked: dict[str, Any] = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
-    asked["constraints"] = "shell_mid_face >= 1 mm"  # alone, it needs no list
-    case = small({"optimise": asked})
+def test_invalid_keys_are_refused(key: str, ends: list[Any], line: str):
+    request: dict[str, Any] = {
+        "minimise": "heat_removed",
+        "variable": [{"key": key, "range": ends}],
+    }
+    request["constraints"] = "shell_mid_face >= 1 mm"  # a single one needs no list
+    case = small({"optimise": request})
     assert case.optimise is not None and len(case.optimise.bounds) == 1
     with pytest.raises(InputError) as error:
         DesignProblem(case, "file.toml")
@@ -109,15 +112,15 @@ def test_keys_that_cannot_be_varied(key: str, ends: list[Any], line: str):
     assert len(problems) == 1 or key == "mould.taper"  # of a case that has no mould at all
 
 
-def test_results_that_no_run_has_are_refused_before_one():
-    asked = {
+def test_results_that_no_run_has_are_refused():
+    request = {
         "minimise": "von_mises_max",
         "constraints": ["gap_max <= 1 mm", "shell_tip >= 1 mm", "shell_mid_face >= 1 mm"],
         "front": {"maximise": "negative_strip_time"},
         "variable": [{"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}],
     }
     with pytest.raises(InputError) as error:
-        DesignProblem(small({"optimise": asked}), "f.toml").check_results()
+        DesignProblem(small({"optimise": request}), "f.toml").check_results()
     for problem, key in zip(
         error.value.problems,
         ('minimise: ("von_mises_max") is none of this case, for it has no [mechanics]; add it, or',
@@ -129,7 +132,7 @@ def test_results_that_no_run_has_are_refused_before_one():
         assert problem.startswith(f"f.toml: optimise.{key}"), problem
 
 
-def test_a_case_that_asks_for_nothing():
+def test_case_without_the_table_is_refused():
     with pytest.raises(InputError, match=r"optimise: the table is missing; add \[optimise\]"):
         DesignProblem(small(), "file.toml")
 
@@ -138,8 +141,8 @@ def test_numbers_without_unit():
     mould = {"length": "600 mm", "friction": {"law": "coulomb", "coefficient": 0.2}}
     case = load("billet125/taper_1").with_({"mould": mould})
     variable = {"key": "mould.friction.coefficient", "range": [0, 0.5]}
-    asked = case.with_({"optimise": {"minimise": "heat_removed", "variable": [variable]}})
-    question = DesignProblem(asked)
+    study_of = case.with_({"optimise": {"minimise": "heat_removed", "variable": [variable]}})
+    question = DesignProblem(study_of)
     wanted = question.request(question.start(None))
     assert question.changes(wanted) == {"mould.friction.coefficient": 0.2}
 
@@ -153,26 +156,26 @@ def test_numbers_without_unit():
         ("casting.speed", ["0.02 m/s", "0.07 m/s"], 0.8),
     ],
 )
-def test_a_search_begins_with_the_value_of_the_case(key: str, ends: list[str], expected: float):
-    """Zones are called by their names or numbers, keys with or without their tables."""
+def test_search_begins_with_the_value_of_the_case(key: str, ends: list[str], expected: float):
+    """Zones have names or numbers, keys may omit their tables."""
     case = small({"casting.speed": "3.6 m/min"})
-    asked = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
-    question = DesignProblem(case.with_({"optimise": asked}))
+    study_of = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
+    question = DesignProblem(case.with_({"optimise": study_of}))
     assert question.start(None) == pytest.approx([expected])
 
 
-def test_a_list_of_one_result_is_that_result(tmp_path: Path):
-    """It means the same, and is written as a list where the case is."""
-    alone, listed = tmp_path / "alone.toml", tmp_path / "listed.toml"
-    alone.write_text(SMALL + TABLE)
+def test_list_of_one_result_is_that_result(tmp_path: Path):
+    """It means the same, and is written as a list if the case has one."""
+    single, listed = tmp_path / "alone.toml", tmp_path / "listed.toml"
+    single.write_text(SMALL + TABLE)
     name = '"surface_temperature_mid_face"'
     listed.write_text(SMALL + TABLE.replace(name, f"[{name}]"))
-    assert load(listed) == load(alone)
+    assert load(listed) == load(single)
     assert load(listed).optimise.objectives == (("surface_temperature_mid_face", 1.0),)
 
 
 @pytest.mark.parametrize("two", ['["von_mises_max", "heat_removed"]', '["gap_max", "gap_max"]'])
-def test_a_list_of_two_results_is_refused(tmp_path: Path, two: str) -> None:
+def test_list_of_two_results_is_refused(tmp_path: Path, two: str) -> None:
     path = tmp_path / "two.toml"
     path.write_text(SMALL + TABLE.replace('"surface_temperature_mid_face"', two))
     with pytest.raises(InputError) as caught:
@@ -182,10 +185,10 @@ def test_a_list_of_two_results_is_refused(tmp_path: Path, two: str) -> None:
     assert line.endswith("one of them, and weigh it against another by [optimise.front]")
 
 
-def test_what_temperature_alone_knows_nothing_of() -> None:
-    """Mould, shares of what an idealised one gives, and results of the mechanics: a line each."""
+def test_thermal_runs_exclude_mould_and_mechanics() -> None:
+    """Mould, shares of an idealised one, and results of the mechanics: a line each."""
 
-    def asked(**table: object) -> list[str]:
+    def study_of(**table: object) -> list[str]:
         speed = {"key": "casting.speed", "range": ["1 m/min", "2 m/min"]}
         table = {"fidelity": "thermal", "maximise": "heat_removed", "variable": [speed], **table}
         case = load("billet125/taper_1").with_({"optimise": table})
@@ -195,13 +198,13 @@ def test_what_temperature_alone_knows_nothing_of() -> None:
             return list(error.problems)
         return []
 
-    assert asked() == []
+    assert study_of() == []
     taper = {"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}
-    (line,) = asked(variable=[taper])
+    (line,) = study_of(variable=[taper])
     assert "optimise.fidelity: thermal runs have no mould: mould.taper changes nothing" in line
-    (line,) = asked(constraints=["heat_removed >= 99 % of idealised"])
+    (line,) = study_of(constraints=["heat_removed >= 99 % of idealised"])
     assert 'thermal runs have no mould, to hold "heat_removed >= 99 % of idealised" against' in line
-    (line,) = asked(maximise=[], minimise="von_mises_max")
+    (line,) = study_of(maximise=[], minimise="von_mises_max")
     assert 'optimise.minimise: ("von_mises_max") is not a result of temperature alone' in line
     assert line.endswith('take fidelity = "coarse"')
 
@@ -209,7 +212,7 @@ def test_what_temperature_alone_knows_nothing_of() -> None:
 HINT = "a wider one may meet them"
 
 
-def asked(*constraints: str, **start: str) -> Study:
+def study_of(*constraints: str, **start: str) -> Study:
     variables = [{**SPEED, "start": "3 m/min"}, {**SUPERHEAT, "start": start["superheat"]}]
     table: dict[str, Any] = {"minimise": STRESS, "constraints": constraints, "variable": variables}
     return Study(small({"casting.length": "6 mm", "optimise": table}))
@@ -221,44 +224,44 @@ def first_line(found: Optimum) -> str:
 
 
 @pytest.mark.parametrize("superheat", ["10 K", "50 K"])
-def test_a_variable_that_changes_nothing_of_what_is_missed(superheat: str):
-    """The objective draws it to an end: the heat knows of the speed alone."""
+def test_ineffective_variable_is_not_named(superheat: str):
+    """The objective moves it to an end: the heat depends only on the speed."""
     sign = 1.0 if superheat == "10 K" else -1.0
 
     def given(wanted: RunRequest) -> dict[str, float]:
         speed, at = wanted.values
         return {STRESS: 100.0 + sign * at, HEAT: 1e6 * (5.0 - (speed - 4.2) ** 2)}
 
-    found = solve(asked("heat_removed >= 9 MJ/m", superheat=superheat), given)
+    found = solve(study_of("heat_removed >= 9 MJ/m", superheat=superheat), given)
     assert found.values[1].at_end in ("lowest", "highest")
     assert HINT not in first_line(found)
 
 
-def test_only_the_variable_that_helps_is_named():
+def test_only_the_effective_variable_is_named():
     def given(wanted: RunRequest) -> dict[str, float]:
         speed, superheat = wanted.values
         return {STRESS: 10.0 + superheat, HEAT: 1e6 * speed}
 
-    found = solve(asked("heat_removed >= 9 MJ/m", superheat="10 K"), given)
+    found = solve(study_of("heat_removed >= 9 MJ/m", superheat="10 K"), given)
     assert found.values[0].at_end == "highest" and found.values[1].at_end == "lowest"
     line = first_line(found)
     assert line.endswith(f"with casting.speed at the highest of its range: {HINT}")
     assert "superheat" not in line
 
 
-def test_what_is_least_at_an_end_and_no_longer_falls():
-    """Flat from 4 m/min on: the last of the way to the end gains nothing."""
+def test_variable_without_further_gain_is_not_named():
+    """Flat above 4 m/min: the last part of the range gains nothing."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         speed, _ = wanted.values
         return {STRESS: 100.0 - speed, HEAT: 1e6 * min(speed, 4.0)}
 
-    found = solve(asked("heat_removed >= 9 MJ/m", superheat="30 K"), given)
+    found = solve(study_of("heat_removed >= 9 MJ/m", superheat="30 K"), given)
     assert HINT not in first_line(found)
 
 
-def test_a_second_constraint_that_is_missed_as_well():
-    """More speed helps one; the other is missed whatever the speed, or by more with each step."""
+def test_second_missed_constraint_suppresses_the_hint():
+    """More speed helps one; the other is missed at any speed, or by more with each step."""
     for more in (0.0, 1.0):
 
         def given(wanted: RunRequest, more: float = more) -> dict[str, float]:
@@ -266,5 +269,5 @@ def test_a_second_constraint_that_is_missed_as_well():
             return {STRESS: 1e6 * (100.0 + more * speed), HEAT: 1e6 * speed}
 
         both = ("heat_removed >= 9 MJ/m", "von_mises_max <= 10 MPa")
-        found = solve(asked(*both, superheat="30 K"), given)
+        found = solve(study_of(*both, superheat="30 K"), given)
         assert HINT not in first_line(found)

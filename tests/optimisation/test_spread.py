@@ -32,41 +32,41 @@ def study(**table: Any) -> Study:
 
 
 def drawn(wanted: RunRequest) -> tuple[float, float, float]:
-    """Speed, and both inputs from -1 to 1."""
+    """Return the speed, and both inputs from -1 to 1."""
     h, superheat = wanted.inputs or (1.0, 30.0)
     return wanted.values[0], (h - 1.0) / 0.1, (superheat - 30.0) / 10.0
 
 
 def shifted(wanted: RunRequest) -> dict[str, float]:
-    """Stress is least at 3.3 + 0.06 a + 0.03 b; there it is 10 + 0.5 a, of which b says nothing."""
+    """Return stress, least at 3.3 + 0.06 a + 0.03 b, where it is 10 + 0.5 a, without b."""
     speed, a, b = drawn(wanted)
     least = 3.3 + 0.06 * a + 0.03 * b
     return {STRESS: 10.0 + 0.5 * a + 2.0 * (speed - least) ** 2}
 
 
-def test_where_the_optimum_is_for_other_inputs():
+def test_optimum_for_other_inputs():
     found = solve(study(), shifted)
     json.dumps(found.to_json(), allow_nan=False)
     (value,) = found.values
     assert value.value == pytest.approx(3.3, abs=0.01)
-    # Quantiles of 0.06 a + 0.03 b for even a and b: 5 % at -(0.09 - sqrt(8 x 0.06 x 0.03 / 20)).
+    # Quantiles of 0.06 a + 0.03 b for uniform a and b: 5 % at -(0.09 - sqrt(8 x 0.06 x 0.03 / 20)).
     ends = 0.09 - np.sqrt(8.0 * 0.06 * 0.03 * 0.05)
     assert value.drawn == pytest.approx((3.3 - ends, 3.3 + ends), abs=0.006)
     assert value.low < value.drawn[0] < value.drawn[1] < value.high
     objective, place = found.spread.rows
-    # Variances 0.06^2 and 0.03^2 over 3 of the place: 80 and 20 %.
+    # Variances 0.06^2 / 3 and 0.03^2 / 3 of the place: 80 and 20 %.
     assert place.first == pytest.approx((0.8, 0.2), abs=0.06)
     assert place.total == pytest.approx((0.8, 0.2), abs=0.06)
     assert objective.first == pytest.approx((1.0, 0.0), abs=0.02)
     assert objective.change == pytest.approx((-0.45e-6, 0.45e-6), abs=0.02e-6)
     assert objective.error == pytest.approx(0.0, abs=1e-12)
     assert found.spread.failed == 0
-    said = " ".join(line for line in report(found) if isinstance(line, str))
-    assert "spread by the inputs, 16 runs" in said
+    text = " ".join(line for line in report(found) if isinstance(line, str))
+    assert "spread by the inputs, 16 runs" in text
 
 
-def test_a_bound_that_inputs_move():
-    """Heat 2 (speed - 3) + a/10 must be 1: 3.5 - a/20 m/min; safe in 95 % of the draws at 3.545."""
+def test_bound_moved_by_inputs():
+    """Heat 2 (speed - 3) + a/10 must be 1: 3.5 - a/20 m/min; 95 % of draws are safe at 3.545."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         speed, a, b = drawn(wanted)
@@ -80,16 +80,16 @@ def test_a_bound_that_inputs_move():
     assert value.safe == pytest.approx(3.545, abs=0.012)
     _, heat, _ = found.spread.rows
     assert heat.met == pytest.approx(0.5, abs=0.1)
-    # Of a and the product a b: variances 0.1^2/3 and 0.02^2/9.
+    # Parts of a and the product a b: variances 0.1^2/3 and 0.02^2/9.
     ratio = 0.02**2 / 9.0 / (0.1**2 / 3.0)
     assert heat.first[1] == pytest.approx(0.0, abs=0.01)
     assert heat.total[1] == pytest.approx(ratio / (1.0 + ratio), abs=0.01)
-    said = " ".join(line for line in report(found) if isinstance(line, str))
-    assert "best of what meets all constraints in 95 % of the draws: casting.speed" in said
+    text = " ".join(line for line in report(found) if isinstance(line, str))
+    assert "best of what meets all constraints in 95 % of the draws: casting.speed" in text
 
 
-def test_a_single_input_makes_all_of_a_single_result():
-    """One variable, one input, no constraint: its indices are numbers, not arrays, to scipy."""
+def test_single_input_is_the_cause_of_all():
+    """One variable, one input, no constraint: scipy returns numbers instead of arrays."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         a = ((wanted.inputs or (1.0,))[0] - 1.0) / 0.1
@@ -102,7 +102,7 @@ def test_a_single_input_makes_all_of_a_single_result():
         assert row.total == pytest.approx((1.0,), abs=0.03)
 
 
-def test_the_error_of_the_quadratics_is_told():
+def test_error_of_the_quadratics_is_reported():
     def given(wanted: RunRequest) -> dict[str, float]:
         _, a, b = drawn(wanted)
         return {STRESS: shifted(wanted)[STRESS] + 0.1 * np.sin(9.0 * a) * np.cos(7.0 * b)}
@@ -111,8 +111,8 @@ def test_the_error_of_the_quadratics_is_told():
     assert 0.03 < 1e6 * (found.spread.rows[0].error or 0.0) < 0.2
 
 
-def test_draws_that_fail():
-    """Some are left out; too many, and there is no spread, but still an answer."""
+def test_failed_draws_are_left_out():
+    """Some are left out; with too many there is no spread, but still an answer."""
 
     def given(threshold: float) -> Given:
         def one(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
@@ -130,18 +130,18 @@ def test_draws_that_fail():
     assert none.values[0].value == pytest.approx(3.3, abs=0.01)
 
 
-def test_what_is_relative_is_multiplied():
-    """A number, a table, a property of the steel, a parameter of the law; by its own file."""
+def test_relative_inputs_are_multiplied():
+    """A number, a table, a property of the steel, a parameter of the law, each in its own file."""
     table = {"time": [0, 1], "time_unit": "s", "value": [1600, 1200], "unit": "W/(m^2 K)"}
     case = load("billet125/taper_1").with_({"cooling.mould.surface.0.coefficient": table})
     keys = ["cooling.mould.surface.0.coefficient", "casting.superheat", "steel.conductivity",
             "mechanics.law.strength", "mechanics.elasticity.young"]  # fmt: skip
-    asked = {
+    request = {
         "minimise": STRESS,
         "variable": [{"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}],
         "input": [{"key": key, "relative": ["-10 %", "20 %"]} for key in keys],
     }
-    question = DesignProblem(case.with_({"optimise": asked}))
+    question = DesignProblem(case.with_({"optimise": request}))
     wanted = RunRequest((0.5,), "coarse", inputs=(1.2,) * len(keys))
     changed = case.with_(question.changes(wanted))
     document = changed.document()
@@ -157,7 +157,7 @@ def test_what_is_relative_is_multiplied():
 
 
 @pytest.mark.parametrize(
-    ("asked", "line"),
+    ("entry", "line"),
     [
         ({"key": "casting.speed"}, "optimise.input.0: one of range and relative is needed"),
         ({**H, "range": ["1 W/(m^2 K)", "2 W/(m^2 K)"]}, "optimise.input.0: one of range and rel"),
@@ -169,17 +169,17 @@ def test_what_is_relative_is_multiplied():
         ({**H, "key": "casting.speedy"}, "optimise.input.0: "),
     ],
 )
-def test_mistakes(asked: dict[str, Any], line: str):
+def test_invalid_inputs_are_refused(entry: dict[str, Any], line: str):
     with pytest.raises(InputError) as error:
-        study(input=[asked])
+        study(input=[entry])
     assert any(line in problem for problem in error.value.problems), error.value.problems
 
 
-# Polynomials through runs and their derivatives: exact ones, runs left out, what is not known
+# Polynomials through runs and their derivatives: exact ones, omitted runs, unknown derivatives
 
 
 def cubic(x: Array) -> tuple[Array, Array]:
-    """Two results of a variable and two inputs at places (r, 3), and derivatives (r, 2, 3)."""
+    """Return two results of a variable and two inputs at places (r, 3), and slopes (r, 2, 3)."""
     a, b, c = x.T
     values = np.column_stack([1.0 + 2.0 * a - b * c + a**3, 3.0 * c - a * b])
     one = np.column_stack([2.0 + 3.0 * a**2, -c, -b])
@@ -188,7 +188,7 @@ def cubic(x: Array) -> tuple[Array, Array]:
 
 
 def bent(x: Array) -> tuple[Array, Array]:
-    """A result that is no quadratic, and its derivatives."""
+    """Return a result that is no quadratic, and its derivatives."""
     a, b, c = x.T
     slopes = np.column_stack([4.0 * np.cos(4.0 * a) * b, np.sin(4.0 * a), 2.0 * c])
     return (np.sin(4.0 * a) * b + c**2)[:, None], slopes[:, None]
@@ -199,8 +199,8 @@ def drawn_places(count: int) -> Array:
 
 
 @pytest.mark.parametrize("carrying", [True, False])
-def test_polynomials_are_found_again(carrying: bool) -> None:
-    """By as few runs as are allowed, whichever of them is left out."""
+def test_polynomials_are_recovered(carrying: bool) -> None:
+    """By the least number of runs, with any of them omitted."""
     places = drawn_places(least(1, 2, derivatives=carrying))
     values, slopes = cubic(places)
     laid, missed = fit(places, values, 1, slopes if carrying else None)
@@ -210,7 +210,7 @@ def test_polynomials_are_found_again(carrying: bool) -> None:
 
 
 @pytest.mark.parametrize("carrying", [True, False])
-def test_what_is_missed_is_that_of_fits_to_the_others(carrying: bool) -> None:
+def test_cross_validation_error_is_that_of_refits(carrying: bool) -> None:
     places = drawn_places(18)
     values, slopes = bent(places)
     left = []
@@ -223,7 +223,7 @@ def test_what_is_missed_is_that_of_fits_to_the_others(carrying: bool) -> None:
     assert missed[0] > 0.1
 
 
-def test_a_derivative_that_is_not_known_is_no_equation() -> None:
+def test_unknown_derivative_is_no_equation() -> None:
     places = drawn_places(9)
     values, slopes = cubic(places)
     slopes[2, 0, 1] = slopes[5, 1, :] = np.nan
@@ -233,8 +233,8 @@ def test_a_derivative_that_is_not_known_is_no_equation() -> None:
     assert missed == pytest.approx(0.0, abs=1e-8)
 
 
-def test_how_many_runs() -> None:
-    """As docs/mould_design.md has measured them for a taper and four inputs."""
+def test_number_of_runs() -> None:
+    """As measured in docs/mould_design.md for a taper and four inputs."""
     assert (coefficients(1, 4), samples(1, 4), samples(1, 4, derivatives=True)) == (22, 32, 16)
     for variables, inputs in itertools.product(range(1, 5), range(1, 7)):
         for carrying in (True, False):
@@ -244,8 +244,8 @@ def test_how_many_runs() -> None:
 
 @pytest.mark.parametrize("variables", [1, 2, 4])
 @pytest.mark.parametrize("inputs", [1, 3])
-def test_the_least_number_is_enough(variables: int, inputs: int) -> None:
-    """Any polynomial of the kind is found from so few, and one less, with and without slopes."""
+def test_least_number_of_runs_is_sufficient(variables: int, inputs: int) -> None:
+    """Any polynomial of the kind is recovered, also with one run less, with and without slopes."""
     every = variables + inputs
     random = np.random.default_rng(1)
     weights = random.random(coefficients(variables, inputs))

@@ -1,4 +1,4 @@
-"""The search: what it finds of results that are known, and what cannot stop or mislead it."""
+"""The search: optima of known results, and disturbances that cannot stop or mislead it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from castfem.studies.optimisation.fidelity import NumericalError, error, sides
     [
         (bowl, 0.01, 3.3),
         (lambda w: {STRESS: 10.0 + abs(w.values[0] - 3.3)}, 0.02, 3.3),  # a kink
-        # The slope at the start is 0 by symmetry, and yet the result depends on the variable.
+        # The slope at the start is 0 by symmetry, although the result depends on the variable.
         (lambda w: {STRESS: 10.0 + 2.0 * (w.values[0] - 3.6) ** 2, HEAT: 1.0}, 0.01, 3.6),
     ],
     ids=["bowl", "kink", "start at the best"],
@@ -57,8 +57,8 @@ def test_constraint_binds():
     assert covered(slack, 3.3)
 
 
-def test_two_variables_that_trade_off():
-    """A quadratic with a cross term under a linear bound: its optimum by hand is 3.9046, 29.54."""
+def test_two_variables_with_a_trade_off():
+    """A quadratic with a cross term under a linear bound: by hand the optimum is 3.9046, 29.54."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         a, b = wanted.values[0] - 3.0, wanted.values[1] - 30.0
@@ -72,7 +72,7 @@ def test_two_variables_that_trade_off():
 
 
 def converging(order: float) -> Given:
-    """Results whose heat converges: cells of no size take off 0.2 MJ/m, those of a case 0.1."""
+    """Return results whose heat converges: zero cell size loses 0.2 MJ/m, that of the case 0.1."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         off = 0.2e6 - 0.1e6 * LEVELS[wanted.fidelity].cells ** order
@@ -83,17 +83,17 @@ def converging(order: float) -> Given:
 
 @pytest.mark.parametrize("order", [0.9, 1.0, 2.0])
 @pytest.mark.parametrize("fidelity", ["coarse", "default", "fine"])
-def test_interval_holds_the_converged_optimum(fidelity: str, order: float):
-    """The bound at no cell size is met at 4.4 m/min; it is on one side, and not far beyond."""
-    asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": fidelity}
-    found = solve(study(**asked), converging(order))
+def test_interval_contains_the_converged_optimum(fidelity: str, order: float):
+    """The bound at zero cell size is met at 4.4 m/min; it is on one side, and not far beyond."""
+    table = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": fidelity}
+    found = solve(study(**table), converging(order))
     (value,), (kept,) = found.values, found.constraints
     cells = LEVELS[fidelity].cells ** order
     assert value.value == pytest.approx(4.4 - 0.1 * cells, abs=0.01)
     stated = RULES.safety * 0.1 * cells
     if order >= 1.0:
         assert kept.result.numerical == pytest.approx(1e6 * stated, rel=1e-3)
-    else:  # that of first order is stated, which is less
+    else:  # that of first order is stated, which is smaller
         stated = 1e-6 * kept.result.numerical
         assert 0.1 * cells < stated < RULES.safety * 0.1 * cells
     assert found.checked == ("default" if fidelity == "fine" else "fine")
@@ -107,8 +107,8 @@ def test_interval_holds_the_converged_optimum(fidelity: str, order: float):
 
 @pytest.mark.parametrize("order", [1.0, 2.0])
 @pytest.mark.parametrize("fidelity", ["coarse", "default", "fine"])
-def test_a_tilted_objective(fidelity: str, order: float):
-    """Larger cells move the least stress itself, from 3.3 m/min to 3.35 by those of the case."""
+def test_tilted_objective(fidelity: str, order: float):
+    """Larger cells move the least stress itself, from 3.3 m/min to 3.35 with those of the case."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         off = 0.05 * LEVELS[wanted.fidelity].cells ** order
@@ -133,30 +133,30 @@ def test_a_tilted_objective(fidelity: str, order: float):
 def test_numerical_error_without_an_order(
     heat: Mapping[str, float], sides: tuple[float, float]
 ) -> None:
-    """As of first order, with a quarter more; on both sides unless all three go one way."""
+    """Assumed of first order, with a quarter more; on both sides unless all three go one way."""
     known = NumericalError.of("coarse", {word: np.array([1.0, v]) for word, v in heat.items()})
     assert (known.below[1], known.above[1]) == pytest.approx(sides, rel=1e-3)
     assert (known.checked == "") == (len(heat) == 1)
 
 
-def test_levels_that_cannot_be_run():
-    """The finest one fails, the next one checks; where all fail nothing is known."""
+def test_levels_that_fail():
+    """The finest one fails, the next one checks; if all fail nothing is known."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         return Evaluation({}, 0.5, "breakout") if wanted.fidelity in failing else bowl(wanted)
 
-    asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": "coarse"}
+    table = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": "coarse"}
     failing = ["fine"]
-    assert solve(study(**asked), given).checked == "default"
+    assert solve(study(**table), given).checked == "default"
     failing = ["fine", "default"]
-    found = solve(study(**asked), given)
+    found = solve(study(**table), given)
     assert found.checked == ""
     assert found.values[0].checked is None
     assert covered(found, 4.2)
 
 
-def test_a_flat_variable_does_not_blur_the_other():
-    """Runs are taken farther apart along the one whose interval is open; heat bends in the other.
+def test_flat_variable_does_not_blur_the_other():
+    """Runs are farther apart along the variable with an open interval; heat is curved in the other.
 
     The bound is met at 20 + 4 artanh 0.5 = 22.197 K, by the finest level at 22.473 K.
     """
@@ -168,8 +168,8 @@ def test_a_flat_variable_does_not_blur_the_other():
         off = {"coarse": 0.0, "default": 0.03, "fine": 0.05}[wanted.fidelity]
         return {STRESS: stress, HEAT: 1e6 * (np.tanh((superheat - 20.0) / 4.0) - off)}
 
-    asked = {"constraints": ["heat_removed >= 0.5 MJ/m"], "fidelity": "coarse"}
-    speed, superheat = solve(study(SPEED, SUPERHEAT, **asked), given).values
+    table = {"constraints": ["heat_removed >= 0.5 MJ/m"], "fidelity": "coarse"}
+    speed, superheat = solve(study(SPEED, SUPERHEAT, **table), given).values
     assert speed.high - speed.low > 0.5
     assert superheat.value == pytest.approx(22.197, abs=0.2)
     assert superheat.checked == pytest.approx(22.473, abs=0.15)
@@ -177,7 +177,7 @@ def test_a_flat_variable_does_not_blur_the_other():
 
 
 @pytest.mark.parametrize("size", [0.01, 0.3])
-def test_noise(size: float):
+def test_noise_is_measured(size: float):
     """Scatter is measured, widens the interval, and stops the search."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
@@ -191,7 +191,7 @@ def test_noise(size: float):
     assert found.runs["search"] < 40
 
 
-def test_nothing_but_noise():
+def test_pure_noise():
     def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: np.random.default_rng(round(1e4 * wanted.values[0])).normal()}
 
@@ -202,31 +202,31 @@ def test_nothing_but_noise():
     assert any("flat" in str(line) for line in report(found) if isinstance(line, str))
 
 
-def test_an_objective_of_steps():
-    """Without a slope, or with one that is no help: a place on the lowest step."""
+def test_objective_of_steps():
+    """Without a slope, or with a useless one: a place on the lowest step."""
     found = solve(study(), lambda w: {STRESS: 5.0 + 2.0 * np.floor(abs(w.values[0] - 3.3) / 0.25)})
     assert found.objective.value == pytest.approx(5.0)
     assert covered(found, 3.3)
 
 
 def test_constraints_that_cannot_be_met():
-    """Heat is largest at 4.2 m/min, 5 MJ/m where 9 are asked for."""
+    """Heat is largest at 4.2 m/min, 5 MJ/m, and 9 are required."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         speed = wanted.values[0]
         return {**bowl(wanted), HEAT: 1e6 * (5.0 - (speed - 4.2) ** 2)}
 
-    asked = ["heat_removed >= 9 MJ/m", "von_mises_max <= 1 GPa"]
-    found = solve(study(constraints=asked), given)
+    table = ["heat_removed >= 9 MJ/m", "von_mises_max <= 1 GPa"]
+    found = solve(study(constraints=table), given)
     assert found.status == "impossible"
     assert found.values[0].value == pytest.approx(4.2, abs=0.05)
-    assert found.worst.text == asked[0]
+    assert found.worst.text == table[0]
     assert found.worst.left == pytest.approx(-4e6, rel=1e-3)
     first = next(iter(report(found)))
     assert "cannot be met; nearest, heat_removed >= 9 MJ/m is missed by 4 MJ/m" in str(first)
 
 
-def test_a_range_that_ends_before_the_constraints_are_met_is_named():
+def test_range_that_ends_too_early_is_named():
     found = solve(study(constraints=["heat_removed >= 9 MJ/m"]), bowl)
     assert found.status == "impossible" and found.values[0].at_end == "highest"
     first = str(next(iter(report(found))))
@@ -236,7 +236,7 @@ def test_a_range_that_ends_before_the_constraints_are_met_is_named():
 
 
 def test_two_equal_optima():
-    """One is found; that runs elsewhere are as good is told where such were seen."""
+    """One is found; equally good runs elsewhere are reported if there were any."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         speed = wanted.values[0]
@@ -249,7 +249,7 @@ def test_two_equal_optima():
 
 
 def test_noise_about_the_best_run():
-    """Where windows are cut for their error, neighbours of the best run may differ by that."""
+    """If windows are cut for their error, neighbours of the best run may differ by that."""
 
     def given(cut: int) -> Given:
         def one(wanted: RunRequest) -> Evaluation:
@@ -268,8 +268,8 @@ def test_noise_about_the_best_run():
     assert widths[1] > widths[0]
 
 
-def test_a_search_by_temperature_alone():
-    """Its error is what the finest level changes, with its own; its check that by the finest."""
+def test_search_by_temperature_only():
+    """The error is the change to the finest level plus its own; the finest level also checks."""
     moved = {"thermal": 0.0, "coarse": 0.4, "default": 0.3, "fine": 0.25}
 
     def given(wanted: RunRequest) -> dict[str, float]:
@@ -287,8 +287,8 @@ def test_a_search_by_temperature_alone():
     assert value.low <= 3.3 and (value.open_high or value.high >= 3.55)
 
 
-def test_a_level_that_lies_between_the_finest_and_its_error():
-    """Below as far as the error of the finest reaches, above by all of it."""
+def test_level_between_the_finest_and_its_error():
+    """Below it reaches as far as the error of the finest level, above it has the full error."""
     values = {"coarse": 1.4, "default": 1.2, "fine": 1.1}
     own = error(values, "fine")
     assert sides({"thermal": 1.0, **values}, "thermal") == pytest.approx(
@@ -301,8 +301,8 @@ def test_a_level_that_lies_between_the_finest_and_its_error():
 
 @pytest.mark.parametrize("most", [7, 8, 12, 20])
 @pytest.mark.parametrize("table", [{"minimise": HEAT}, {"minimise": [], "maximise": HEAT}])
-def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int) -> None:
-    """Few runs of a result that rises all along: none that was made is better than the answer."""
+def test_best_of_all_runs_is_the_answer(table: dict[str, object], most: int) -> None:
+    """Few runs of a result that rises throughout: none of them is better than the answer."""
     seen: dict[float, float] = {}
 
     def given(wanted: RunRequest) -> dict[str, float]:
@@ -326,19 +326,19 @@ def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int)
 
 @pytest.mark.parametrize("most", [6, 8, 10, 14])
 @pytest.mark.parametrize("start", ["30 K", "40 K", "52 K"])
-def test_what_is_called_found_lies_at_the_end_of_the_range(start: str, most: int) -> None:
-    """A walk that ends for want of runs within a step of the end of the range is not done."""
+def test_optimum_is_found_only_at_the_end_of_the_range(start: str, most: int) -> None:
+    """A search that runs out of runs within a step of the end of the range is not done."""
     variable = {"key": "casting.superheat", "range": ["5 K", "60 K"], "start": start}
-    asked = study(variable, minimise=[], maximise=HEAT, most_runs=most)
-    found = solve(asked, lambda wanted: {HEAT: 4.8e6 + 1.7e3 * wanted.values[0], STRESS: 1.0})
+    problem = study(variable, minimise=[], maximise=HEAT, most_runs=most)
+    found = solve(problem, lambda wanted: {HEAT: 4.8e6 + 1.7e3 * wanted.values[0], STRESS: 1.0})
     assert found.status in ("found", "not converged")
     assert (found.status == "found") <= (found.values[0].value == 60.0), found.values
-    said = "".join(part for part in report(found) if isinstance(part, str))
-    assert "the check of it failed" not in said
+    text = "".join(part for part in report(found) if isinstance(part, str))
+    assert "the check of it failed" not in text
 
 
-def test_what_nothing_depends_on_is_not_found() -> None:
-    """Differences of 1e-12 K are those of rounding."""
+def test_independent_result_has_no_optimum() -> None:
+    """Differences of 1e-12 K are rounding."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: 1500.0 + 1e-12 * np.sin(1e3 * wanted.values[0]), HEAT: 1.0}

@@ -1,4 +1,4 @@
-"""The search among runs that fail: inside the ranges, about its start, all of them."""
+"""The search among failing runs: inside the ranges, near its start, all of them."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from castfem.runs.output.summary_file import Summary
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 
 
-def test_runs_that_fail_inside():
-    """They come to 1 - (speed - 3) / 2 of their way: the best is where they begin to fail."""
+def test_runs_that_fail_inside_the_range():
+    """They reach 1 - (speed - 3) / 2 of their length: the best is where they begin to fail."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
@@ -40,7 +40,7 @@ def test_runs_that_fail_inside():
     assert found.runs["failed"] > 0
 
 
-def test_a_start_among_failures():
+def test_start_among_failures():
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
         if speed < 4.0:
@@ -56,7 +56,7 @@ TAPER = {"key": "mould.taper", "range": ["-10 %/m", "10 %/m"]}
 
 
 def tapered(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
-    """As the 125 mm billet: 9.2 MJ/m from +0.59 %/m on, where its stress has begun to rise."""
+    """Return results like those of the 125 mm billet: 9.2 MJ/m from +0.59 %/m, stress rising."""
     taper = wanted.values[0]
     if taper < -3.0:
         return Evaluation({}, 1.0 + (taper + 3.0) / 8.0, "breakout")
@@ -69,14 +69,14 @@ def tapered(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
 
 def any_taper(bound: str, start: str) -> Optimum:
     variable = {**TAPER, "start": start}
-    asked = {"minimise": STRESS, "constraints": [f"heat_removed >= {bound}"]}
-    case = load("billet125/taper_1").with_({"optimise": {**asked, "variable": [variable]}})
+    request = {"minimise": STRESS, "constraints": [f"heat_removed >= {bound}"]}
+    case = load("billet125/taper_1").with_({"optimise": {**request, "variable": [variable]}})
     return solve(Study(case), tapered)
 
 
 @pytest.mark.parametrize("start", ["-9.9 %/m", "0 %/m", "9.5 %/m"])
 def test_tapers_of_ten_percent(start: str):
-    """Runs that fail at both ends, also all about the start, neither stop it nor mislead it."""
+    """Runs that fail at both ends, also near the start, neither stop nor mislead it."""
     found = any_taper("9.2 MJ/m", start)
     assert found.status == "found"
     assert found.values[0].value == pytest.approx(0.59, abs=0.05)
@@ -84,16 +84,18 @@ def test_tapers_of_ten_percent(start: str):
     assert found.runs["search"] <= 30
 
 
-def test_failed_runs_are_said_beside_what_was_found():
-    """And which of the runs optimise.most_runs counts."""
+def test_failed_runs_are_reported_with_the_result():
+    """Also which of the runs are counted by optimise.most_runs."""
     found = any_taper("9.2 MJ/m", "-9.9 %/m")
-    runs, said = found.runs, [block for block in report(found) if isinstance(block, str)]
+    runs, messages = found.runs, [block for block in report(found) if isinstance(block, str)]
     assert 0 < runs["failed"] < runs["search"] and runs["looked_at"] <= runs["search"]
-    assert f"{runs['failed']} of the {runs['search']} runs by default failed" in said[0]
-    assert any(f"{runs['looked_at']} of the search (limit: optimise.most_runs)" in x for x in said)
+    assert f"{runs['failed']} of the {runs['search']} runs by default failed" in messages[0]
+    assert any(
+        f"{runs['looked_at']} of the search (limit: optimise.most_runs)" in x for x in messages
+    )
 
 
-def test_what_cannot_be_met_from_a_start_among_failures():
+def test_unreachable_constraint_from_a_start_among_failures():
     """Runs that miss a bound are nearer than runs that fail."""
     found = any_taper("9.9 MJ/m", "-8 %/m")
     assert found.status == "impossible"
@@ -101,8 +103,8 @@ def test_what_cannot_be_met_from_a_start_among_failures():
     assert found.values[0].at_end == "runs fail"
 
 
-def test_a_start_from_which_shares_lead_nowhere():
-    """Runs between 2.5 and 3.5 m/min come through; the way to it from the start is downhill."""
+def test_start_where_positions_are_misleading():
+    """Runs between 2.5 and 3.5 m/min succeed; from the start the way there is downhill."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
@@ -115,17 +117,17 @@ def test_a_start_from_which_shares_lead_nowhere():
     assert found.values[0].value == pytest.approx(3.3, abs=0.02)
 
 
-def test_a_run_that_has_failed_is_told_by_its_folder(tmp_path: Path):
-    """How far it came, and why; what its summary has is of no use."""
-    asked = study(constraints=["heat_removed >= 2 MJ/m"])
-    (wanted, *_) = asked.ask()
+def test_failed_run_is_given_by_its_folder(tmp_path: Path):
+    """Its position and reason count; the contents of its summary are not used."""
+    one = study(constraints=["heat_removed >= 2 MJ/m"])
+    (wanted, *_) = one.ask()
     folder = write_run(tmp_path / "run")
     record, summary = RunRecord.load(folder), Summary.load(folder)
     assert summary is not None
     replace(record, status="failed", reason="a breakout", reached={"position": 3e-3}).write(folder)
     write_json(folder / SUMMARY_NAME, replace(summary, status="failed").to_json())
-    asked.tell(wanted, Result(folder))
-    given = asked._runs.results[wanted]
+    one.tell(wanted, Result(folder))
+    given = one._runs.results[wanted]
     assert given.failed and given.message == "a breakout"
     assert given.share == pytest.approx(0.5) and not given.quantities
 
@@ -137,7 +139,7 @@ def test_all_runs_fail():
     assert "no run has finished" in str(next(iter(report(found))))
 
 
-# An interval is open where a check of its error was not done, and says why
+# An interval is open if a check of its error was not done, and has the reason
 
 
 FAILS = Evaluation({}, 0.5, "breakout")
@@ -161,11 +163,11 @@ def lines(found: Optimum) -> str:
     ],
 )
 @pytest.mark.parametrize("constraints", [[], ["heat_removed >= 2 MJ/m"]])
-def test_levels_that_fail(
+def test_failing_levels_open_the_interval(
     fidelity: str, levels: tuple[str, ...], why: str, constraints: list[str]
 ) -> None:
-    asked = study(fidelity=fidelity, constraints=constraints)
-    found = solve(asked, failing(*levels))
+    one = study(fidelity=fidelity, constraints=constraints)
+    found = solve(one, failing(*levels))
     (value,) = found.values
     assert value.open_low and value.open_high
     assert "or less to" in interval(value) and interval(value).endswith("or more")
@@ -176,21 +178,21 @@ def test_levels_that_fail(
         assert np.isnan(kept.error) == ("not known" in why)
 
 
-def test_levels_that_all_come_through_leave_it_closed():
+def test_successful_levels_close_the_interval():
     (value,) = solve(study(fidelity="coarse"), bowl).values
     assert not value.open_low and not value.open_high
     found = solve(study(fidelity="coarse", constraints=["heat_removed >= 2 MJ/m"]), bowl)
     assert found.unverified == () and "is open" not in lines(found)
 
 
-def test_a_finest_level_that_fails_is_named_where_the_next_one_checks():
+def test_failing_finest_level_is_named():
     found = solve(study(fidelity="coarse"), failing("fine"))
     assert found.checked == "default" and found.unverified == ()
     assert "checked by default (the best run fails by fine)" in lines(found)
 
 
-def test_the_end_of_a_range_stays_closed():
-    """At 2 m/min the range ends: the optimum is not less, whatever the numerical error."""
+def test_end_of_a_range_stays_closed():
+    """The range ends at 2 m/min: the optimum is not less, with any numerical error."""
 
     def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: 10.0 + wanted.values[0]}
@@ -200,8 +202,8 @@ def test_the_end_of_a_range_stays_closed():
     assert not value.open_low and value.open_high
 
 
-def test_a_tilt_that_is_not_known():
-    """Runs by the next level fail along one variable: that one is open, the other is not."""
+def test_unknown_tilt_opens_the_interval():
+    """Runs by the next level fail along one variable: only that one is open."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed, superheat = wanted.values
@@ -219,31 +221,31 @@ def test_a_tilt_that_is_not_known():
 
 
 def heated(wanted: RunRequest) -> dict[str, float]:
-    """Fine cells ask for a little more speed."""
+    """Return results in which fine cells need slightly more speed."""
     heat = wanted.values[0] - (0.3 if wanted.fidelity == "fine" else 0.0)
     return {STRESS: 1e6 * wanted.values[0], HEAT: 1e6 * heat}
 
 
-def test_a_check_that_fails_on_its_way():
-    """The interval is open on the side to which it went, and there alone."""
+def test_failing_check_opens_one_side():
+    """The interval is open only on the side to which the check moved."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         if wanted.fidelity == "fine" and wanted.values[0] > 3.05:
             return FAILS
         return heated(wanted)
 
-    asked = {"fidelity": "coarse", "constraints": ["heat_removed >= 3 MJ/m"]}
-    whole, cut = solve(study(**asked), heated), solve(study(**asked), given)
-    assert whole.values[0].checked == pytest.approx(3.3, abs=0.01)
-    assert not whole.unverified and not whole.values[0].open_high
+    request = {"fidelity": "coarse", "constraints": ["heat_removed >= 3 MJ/m"]}
+    complete, cut = solve(study(**request), heated), solve(study(**request), given)
+    assert complete.values[0].checked == pytest.approx(3.3, abs=0.01)
+    assert not complete.unverified and not complete.values[0].open_high
     (value,) = cut.values
     assert value.checked == pytest.approx(3.0, abs=0.01)
     assert (value.open_low, value.open_high) == (False, True)
     assert "the optimum by fine was not reached: a run towards it fails" in lines(cut)
 
 
-def test_noise_that_was_not_measured():
-    """Runs between those of the start fail."""
+def test_unmeasured_noise_opens_the_interval():
+    """Runs near the start fail."""
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         return FAILS if 3.5 < wanted.values[0] < 3.5999 else bowl(wanted)
@@ -256,7 +258,7 @@ def test_noise_that_was_not_measured():
     assert found.to_json()["objective"]["noise"] is None
 
 
-def test_a_spread_that_failed():
+def test_failed_spread_opens_the_interval():
     inputs = [{"key": "casting.superheat", "range": ["10 K", "50 K"]}]
 
     def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
@@ -268,7 +270,7 @@ def test_a_spread_that_failed():
     assert "the spread by the inputs is missing: too few of those runs succeeded" in lines(found)
 
 
-def test_a_search_that_was_cut_short():
+def test_exhausted_search_opens_the_interval():
     found = solve(study(most_runs=8, fidelity="coarse"), bowl)
     (value,) = found.values
     assert found.runs["looked_at"] <= 8 < found.runs["all"]

@@ -1,4 +1,4 @@
-"""checkpoint.h5: comes back bit by bit, survives a kill, and says what is wrong with it."""
+"""checkpoint.h5: is restored bit by bit, survives a kill, and reports its faults."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def arrays() -> dict[str, np.ndarray]:
     }
 
 
-def test_meta_and_arrays_come_back_bit_by_bit(tmp_path):
+def test_meta_and_arrays_are_restored_bit_by_bit(tmp_path):
     save_checkpoint(tmp_path / "c.h5", META, arrays(), physics="abc")
     meta, found = load_checkpoint(tmp_path / "c.h5", physics="abc")
     assert meta == META
@@ -65,7 +65,7 @@ def test_meta_and_arrays_come_back_bit_by_bit(tmp_path):
         hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=4),
     )
 )
-def test_any_array_comes_back(tmp_path_factory, values):
+def test_any_array_is_restored(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("c") / "c.h5"
     save_checkpoint(path, {}, {"a": values})
     found = load_checkpoint(path)[1]["a"]
@@ -73,7 +73,7 @@ def test_any_array_comes_back(tmp_path_factory, values):
     assert found.tobytes() == values.tobytes()
 
 
-def test_numpy_numbers_in_meta_become_plain_and_not_a_number_survives(tmp_path):
+def test_numpy_numbers_become_plain_and_nan_survives(tmp_path):
     save_checkpoint(tmp_path / "c.h5", {"a": np.float64(0.1), "b": np.arange(2), "c": np.nan}, {})
     meta, _ = load_checkpoint(tmp_path / "c.h5")
     assert meta["a"] == 0.1
@@ -83,7 +83,7 @@ def test_numpy_numbers_in_meta_become_plain_and_not_a_number_survives(tmp_path):
         save_checkpoint(tmp_path / "c.h5", {"p": tmp_path}, {})
 
 
-def test_another_case_is_refused_with_the_mend(tmp_path):
+def test_another_case_is_refused_with_the_fix(tmp_path):
     save_checkpoint(tmp_path / "c.h5", {}, {}, physics="0123456789abcdef")
     load_checkpoint(tmp_path / "c.h5")
     with pytest.raises(InputError) as error:
@@ -94,18 +94,18 @@ def test_another_case_is_refused_with_the_mend(tmp_path):
     assert "undo the change of the case, or run again without --resume" in line
 
 
-def test_another_case_is_refused_by_the_name_of_what_differs(tmp_path):
+def test_another_case_is_refused_with_its_differences(tmp_path):
     path = tmp_path / "c.h5"
-    there = {"casting": {"speed": "3.6 m/min"}, "cooling": [{"to": "1 m"}], "mesh": {"order": 2}}
-    here = {
+    stored = {"casting": {"speed": "3.6 m/min"}, "cooling": [{"to": "1 m"}], "mesh": {"order": 2}}
+    present = {
         "casting": {"speed": "3 m/min"},
         "cooling": [{"to": "1 m"}],
         "mould": {"taper": "x" * 50},
     }
-    save_checkpoint(path, {}, {}, physics="0123", case=json.dumps(there))
-    load_checkpoint(path, physics="0123", case=json.dumps(there))
+    save_checkpoint(path, {}, {}, physics="0123", case=json.dumps(stored))
+    load_checkpoint(path, physics="0123", case=json.dumps(stored))
     with pytest.raises(InputError) as error:
-        load_checkpoint(path, physics="4567", case=json.dumps(here))
+        load_checkpoint(path, physics="4567", case=json.dumps(present))
     assert (
         "belongs to another case (casting.speed: 3.6 m/min there, 3 m/min here; "
         f"mesh.order: 2 there, nothing here; mould.taper: nothing there, {'x' * 36} ... here); "
@@ -114,7 +114,7 @@ def test_another_case_is_refused_by_the_name_of_what_differs(tmp_path):
     many = {"steel": {f"k{i}": i for i in range(7)}}
     with pytest.raises(InputError, match=r"k0: .*steel\.k1: .*; and 4 more\)"):
         more = many | {"mesh": {"order": 1}, "cooling": []}
-        load_checkpoint(path, physics="4567", case=json.dumps(there | more))
+        load_checkpoint(path, physics="4567", case=json.dumps(stored | more))
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
@@ -138,7 +138,7 @@ def test_missing_and_foreign_files_are_refused(tmp_path):
         load_checkpoint(tmp_path / "d.h5")
 
 
-def test_no_damaged_byte_goes_unnoticed(tmp_path):
+def test_every_damaged_byte_is_noticed(tmp_path):
     path, hurt = tmp_path / "c.h5", tmp_path / "hurt.h5"
     save_checkpoint(path, META, {"temperature": np.linspace(1000.0, 1800.0, 50)})
     image = path.read_bytes()
@@ -150,7 +150,7 @@ def test_no_damaged_byte_goes_unnoticed(tmp_path):
             load_checkpoint(hurt)
 
 
-def test_a_cut_file_is_refused(tmp_path):
+def test_truncated_file_is_refused(tmp_path):
     save_checkpoint(tmp_path / "c.h5", META, arrays())
     image = (tmp_path / "c.h5").read_bytes()
     for size in (10, len(image) // 2, len(image) - 1):
@@ -161,7 +161,7 @@ def test_a_cut_file_is_refused(tmp_path):
             load_checkpoint(tmp_path / "cut.h5")
 
 
-def test_a_full_disk_is_a_run_failure_and_the_old_checkpoint_stays(tmp_path):
+def test_full_disk_keeps_the_old_checkpoint(tmp_path):
     path = tmp_path / "c.h5"
     save_checkpoint(path, {"k": 1}, arrays())
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -175,14 +175,14 @@ def test_a_full_disk_is_a_run_failure_and_the_old_checkpoint_stays(tmp_path):
     assert [p.name for p in Path(tmp_path).iterdir()] == ["c.h5"]
 
 
-# Runs that an earlier castfem left behind: interrupted after five steps, they open and go on.
+# Runs of an earlier castfem, interrupted after five steps, are read and resumed.
 #
-# `*.expected.csv` are the histories of the same cases that it ran through. What a later version
-# computes otherwise moves them by no more than `MOVED`.
+# `*.expected.csv` are the complete histories of the same cases by that version. Changes in later
+# versions may move them by no more than `MOVED`.
 
 
 HERE = Path(__file__).parent / "earlier_runs"
-# Of curved cells of 5 mm the volume that liquid fills is integrated by another rule now.
+# The volume of liquid in curved cells of 5 mm is now integrated by another rule.
 KEPT = ("time", "position", "surface", "shell", "liquidus", "heat", "temperature")
 MOVED = {"thermal": 1e-9, "taper_1": 1e-3}
 
@@ -192,7 +192,7 @@ def run(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return Path(shutil.copytree(HERE / request.param, tmp_path / request.param))
 
 
-def test_it_opens(run: Path) -> None:
+def test_earlier_run_is_read(run: Path) -> None:
     text = printed(run, 120)
     assert "stopped by the user" in text and "shell" in text
     assert "time loop" in RunRecord.load(run).wall_time
@@ -203,8 +203,8 @@ def test_it_opens(run: Path) -> None:
     assert len(result.history) == (6 if run.name == "taper_1" else 3)
 
 
-def test_it_goes_on(run: Path) -> None:
-    """From its checkpoint to the end of its case, with the history it would have had."""
+def test_earlier_run_resumes(run: Path) -> None:
+    """From its checkpoint to the end of its case, with the history of a complete run."""
     before = pd.read_csv(run / "history.csv")
     with castfem.run(castfem.load(run / "case.toml"), run, resume=True):
         found = pd.read_csv(run / "history.csv")
@@ -221,16 +221,16 @@ def test_it_goes_on(run: Path) -> None:
         ), name
 
 
-# A run killed in the middle of a call that changes a file: what is there, and how it goes on.
+# A run killed in the middle of a call that changes a file: its files, and its resumption.
 
 
 RUNS = Path(__file__).with_name("killed_runs.py")
-EVERY = 31  # how many of the calls are tried: one in so many; a run makes about 260
+EVERY = 31  # every n-th call is tried; a run makes about 260
 COMPILER = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
 
 # Loaded before the C library, it ends the process in the middle of the n-th call that changes a
-# file, those of HDF5 too. Nothing waits for the disk: a kill, other than a power cut, loses nothing
-# that was handed to the operating system.
+# file, also calls of HDF5. Nothing waits for the disk: unlike a power cut, a kill loses nothing
+# that was passed to the operating system.
 SHIM = r"""
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -284,7 +284,7 @@ CHANGE(ftruncate64, (int file, off64_t size), file, size)
 @pytest.mark.skipif(
     COMPILER is None or not sys.platform.startswith("linux"), reason="needs Linux and a C compiler"
 )
-def test_a_kill_in_the_middle_of_a_call_costs_nothing(tmp_path: Path) -> None:
+def test_kill_in_the_middle_of_a_call_loses_nothing(tmp_path: Path) -> None:
     (tmp_path / "shim.c").write_text(SHIM)
     library = tmp_path / "shim.so"
     words = "-shared", "-fPIC", "-o", str(library), str(tmp_path / "shim.c"), "-ldl"

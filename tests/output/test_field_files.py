@@ -1,4 +1,4 @@
-"""The HDF5 files of the fields: one a time, gathered in the end; full disks, damaged files."""
+"""The HDF5 files of the fields: one per time, gathered at the end; full disks, damaged files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .test_xdmf import some_fields
 
 
 def unfinished(folder: Path, count: int) -> tuple[FieldWriter, np.ndarray, np.ndarray]:
-    """A writer that has not been closed, and its mesh."""
+    """Return a writer that has not been closed, and its mesh."""
     points, cells = rectangle(4, 3, 0.06, 0.05, "triangle", 1)
     writer = FieldWriter(folder, points, cells, "triangle", 1)
     for k in range(count):
@@ -28,7 +28,7 @@ def unfinished(folder: Path, count: int) -> tuple[FieldWriter, np.ndarray, np.nd
     return writer, points, cells
 
 
-def test_times_stand_in_files_of_their_own_until_the_writer_is_closed(tmp_path):
+def test_times_have_their_own_files_until_closing(tmp_path):
     writer, _, _ = unfinished(tmp_path, 3)
     single = [f"fields/{k:06d}.h5" for k in range(3)]
     assert sorted(str(p.relative_to(tmp_path)) for p in tmp_path.glob("fields/*")) == single
@@ -50,8 +50,8 @@ def test_times_stand_in_files_of_their_own_until_the_writer_is_closed(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["fields.h5", "fields.xdmf"]
 
 
-def test_nothing_of_an_earlier_time_is_written_again(tmp_path):
-    """The cost of a time is its own, whatever there is already."""
+def test_earlier_times_are_not_written_again(tmp_path):
+    """The cost of a time does not depend on the number of times before."""
     writer, points, cells = unfinished(tmp_path, 2)
     files = [tmp_path / "fields.h5", *(tmp_path / "fields").iterdir()]
     before = [(p.stat().st_ino, p.stat().st_mtime_ns) for p in files]
@@ -65,8 +65,8 @@ def test_nothing_of_an_earlier_time_is_written_again(tmp_path):
     assert whole < 100 * (13 * 4 * len(points) + 3000)
 
 
-def test_a_single_time_that_cannot_be_read_is_left_out_and_said(tmp_path, told):
-    """As a power cut leaves it, on a disk that lies."""
+def test_unreadable_time_is_left_out_and_reported(tmp_path, told):
+    """As after a power cut, on a disk that does not write what it confirms."""
     unfinished(tmp_path, 4)
     (tmp_path / "fields" / "000001.h5").write_bytes(b"")
     with Fields(tmp_path) as fields:
@@ -86,7 +86,7 @@ def test_a_single_time_that_cannot_be_read_is_left_out_and_said(tmp_path, told):
 
 @pytest.fixture
 def small_files():
-    """A limit to the size of files, as a disk that is full."""
+    """Return a function that limits the size of files, as a full disk does."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def limit(size: int) -> None:
@@ -96,7 +96,7 @@ def small_files():
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_full_disk_is_a_run_failure_and_spares_what_is_written(tmp_path, small_files):
+def test_full_disk_is_a_run_failure_and_spares_old_times(tmp_path, small_files):
     writer, points, cells = unfinished(tmp_path, 3)
     small_files(2000)
     with pytest.raises(
@@ -116,8 +116,8 @@ def test_a_full_disk_is_a_run_failure_and_spares_what_is_written(tmp_path, small
 
 
 @pytest.mark.parametrize("size", [500, 4000, 12_000])
-def test_a_disk_that_is_full_in_the_end_leaves_the_single_files(tmp_path, small_files, told, size):
-    """However much of the new fields.h5 there was room for."""
+def test_disk_full_at_the_end_keeps_the_single_files(tmp_path, small_files, told, size):
+    """For any size of the part of the new fields.h5 that could be written."""
     writer, _, _ = unfinished(tmp_path, 12)
     before = (tmp_path / "fields.h5").read_bytes(), (tmp_path / "fields.xdmf").read_bytes()
     small_files(size)
@@ -138,7 +138,7 @@ def test_a_disk_that_is_full_in_the_end_leaves_the_single_files(tmp_path, small_
     assert {p.name for p in tmp_path.iterdir()} == {"fields.h5", "fields.xdmf"}
 
 
-def test_without_its_filter_fields_are_written_whole_and_said_once(tmp_path, told, monkeypatch):
+def test_missing_filter_is_reported_once(tmp_path, told, monkeypatch):
     values = np.random.default_rng(1).random((20_000, 3))
 
     def stored() -> tuple[str | None, int]:

@@ -1,4 +1,4 @@
-"""The folder of a run: whose files are touched, who may write, what run.json says."""
+"""The folder of a run: which files are changed, who may write, contents of run.json."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def begun(path: Path, **options: object) -> OutputFolder:
     return folder
 
 
-def test_a_new_folder_holds_the_case_and_a_running_record(tmp_path):
+def test_new_folder_has_the_case_and_a_running_record(tmp_path):
     folder = begun(tmp_path / "deep" / "run", ranks=3)
     assert (folder / "case.toml").read_text() == CASE
     record = RunRecord.load(folder.path)
@@ -54,7 +54,7 @@ def test_run_json_is_plain_json_without_host_or_path(tmp_path):
     assert str(tmp_path) not in text
 
 
-def test_beginning_anew_removes_the_former_run_and_nothing_else(tmp_path):
+def test_new_run_removes_only_files_of_the_old_one(tmp_path):
     run = write_run(tmp_path / "run", steps=8)
     (run / "figures").mkdir()
     for name in ("shell.png", "mine.png"):
@@ -72,7 +72,7 @@ def test_beginning_anew_removes_the_former_run_and_nothing_else(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["case.toml", "fields/000012.h5", "figures/heat.png"])
-def test_files_castfem_did_not_write_are_never_touched(tmp_path, name):
+def test_files_not_written_by_castfem_are_never_changed(tmp_path, name):
     file = tmp_path / name
     file.parent.mkdir(exist_ok=True)
     file.write_text("of the user")
@@ -82,14 +82,14 @@ def test_files_castfem_did_not_write_are_never_touched(tmp_path, name):
     assert not (tmp_path / "run.json").exists()
 
 
-def test_a_run_json_of_another_program_is_respected(tmp_path):
+def test_run_json_of_another_program_is_kept(tmp_path):
     (tmp_path / "run.json").write_text('{"status": "running"}')
     with pytest.raises(InputError, match=r"run\.json: not written by castfem"):
         begun(tmp_path)
     assert (tmp_path / "run.json").read_text() == '{"status": "running"}'
 
 
-def test_two_runs_at_once_are_refused_and_the_lock_ends_with_the_run(tmp_path):
+def test_second_run_at_once_is_refused(tmp_path):
     first = begun(tmp_path)
     with pytest.raises(InputError, match="another run is writing here"):
         begun(tmp_path)
@@ -109,7 +109,7 @@ time.sleep(20)
 """
 
 
-def test_a_killed_run_gives_the_folder_back_and_is_seen_as_interrupted(tmp_path):
+def test_killed_run_releases_the_folder(tmp_path):
     command = [sys.executable, "-c", HOLDER, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
         process.stdout.readline()
@@ -124,7 +124,7 @@ def test_a_killed_run_gives_the_folder_back_and_is_seen_as_interrupted(tmp_path)
     begun(tmp_path).close()
 
 
-def test_resume_keeps_everything_and_adds_up_the_wall_time(tmp_path):
+def test_resume_keeps_files_and_adds_wall_times(tmp_path):
     with OutputFolder(tmp_path) as folder:
         folder.begin(CASE)
         save_checkpoint(folder / "checkpoint.h5", {}, {})
@@ -142,7 +142,7 @@ def test_resume_keeps_everything_and_adds_up_the_wall_time(tmp_path):
 
 
 def finished(path: Path) -> dict[str, str]:
-    """A run that can be resumed, and what its files say."""
+    """Write a run that can be resumed; return the text of its files."""
     with OutputFolder(path) as folder:
         folder.begin(CASE)
         save_checkpoint(folder / "checkpoint.h5", {}, {})
@@ -150,7 +150,7 @@ def finished(path: Path) -> dict[str, str]:
     return {name: (path / name).read_text() for name in ("run.json", "case.toml")}
 
 
-def test_a_resume_that_is_refused_leaves_the_folder_as_it_was(tmp_path):
+def test_refused_resume_leaves_the_folder_unchanged(tmp_path):
     before = finished(tmp_path)
     with pytest.raises(InputError), OutputFolder(tmp_path) as folder:
         folder.begin('title = "another"\n', resume=True)
@@ -158,7 +158,7 @@ def test_a_resume_that_is_refused_leaves_the_folder_as_it_was(tmp_path):
     assert {name: (tmp_path / name).read_text() for name in before} == before
 
 
-def test_a_resume_that_went_on_and_met_a_mistake_is_a_failed_run(tmp_path):
+def test_resume_that_fails_later_is_a_failed_run(tmp_path):
     finished(tmp_path)
     with pytest.raises(InputError), OutputFolder(tmp_path) as folder:
         folder.begin('title = "another"\n', resume=True)
@@ -169,7 +169,7 @@ def test_a_resume_that_went_on_and_met_a_mistake_is_a_failed_run(tmp_path):
     assert "another" in (tmp_path / "case.toml").read_text()
 
 
-def test_nothing_is_resumed_of_a_run_that_is_half_removed(tmp_path, monkeypatch):
+def test_half_removed_run_is_not_resumed(tmp_path, monkeypatch):
     """A new run was killed while it removed the files of the one before."""
     finished(tmp_path)
     removed: list[str] = []
@@ -186,8 +186,8 @@ def test_nothing_is_resumed_of_a_run_that_is_half_removed(tmp_path, monkeypatch)
     assert removed[0] == "checkpoint.h5" and "history.csv" in removed
 
 
-def test_a_run_without_checkpoint_begins_anew(tmp_path):
-    """Killed before the first one, or before it had made its folder: nothing is to be kept."""
+def test_run_without_checkpoint_begins_again(tmp_path):
+    """Killed before the first one, or before its folder existed: nothing is to be kept."""
     for _ in range(2):
         with OutputFolder(tmp_path / "new") as folder:
             assert folder.begin(CASE, resume=True) is False
@@ -201,14 +201,14 @@ def test_a_run_without_checkpoint_begins_anew(tmp_path):
     folder.close()
 
 
-def test_a_finished_run_without_checkpoint_is_not_lost_to_a_resume(tmp_path):
+def test_finished_run_without_checkpoint_is_not_lost(tmp_path):
     finished(tmp_path)
     (tmp_path / "checkpoint.h5").unlink()
     (tmp_path / "history.csv").write_text("time [s]\n")
     with pytest.raises(InputError, match=r"checkpoint\.h5: no such file, nothing to resume"):
         begun(tmp_path, resume=True)
     assert (tmp_path / "history.csv").exists()
-    begun(tmp_path).close()  # the lock has been given back
+    begun(tmp_path).close()  # the lock has been released
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_a_finished_run_without_checkpoint_is_not_lost_to_a_resume(tmp_path):
         (ZeroDivisionError(), "ZeroDivisionError"),
     ],
 )
-def test_an_error_in_the_block_is_noted_as_the_reason(tmp_path, error, reason):
+def test_error_in_the_block_is_recorded_as_the_reason(tmp_path, error, reason):
     with pytest.raises(type(error)), OutputFolder(tmp_path) as folder:
         folder.begin(CASE)
         raise error
@@ -229,14 +229,14 @@ def test_an_error_in_the_block_is_noted_as_the_reason(tmp_path, error, reason):
     assert record.ended
 
 
-def test_an_older_record_of_a_stopped_run_is_read_as_interrupted(tmp_path):
+def test_older_record_of_a_stopped_run_is_interrupted(tmp_path):
     with begun(tmp_path) as folder:
         folder.fail("stopped by the user")
     assert RunRecord.load(tmp_path).status == "interrupted"
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value", "message"),
     [
         (
             "wall_time",
@@ -247,31 +247,31 @@ def test_an_older_record_of_a_stopped_run_is_read_as_interrupted(tmp_path):
         ("status", 1, r"status: input should be a valid string"),
     ],
 )
-def test_a_record_with_a_wrong_type_is_told_by_its_key(tmp_path, key, value, said):
+def test_wrong_type_in_a_record_is_reported_with_its_key(tmp_path, key, value, message):
     begun(tmp_path).close()
     path = tmp_path / "run.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
-    with pytest.raises(InputError, match=rf"run\.json: {said}, .*correct it"):
+    with pytest.raises(InputError, match=rf"run\.json: {message}, .*correct it"):
         RunRecord.load(tmp_path)
     for resume in (False, True):
         with pytest.raises(InputError, match="correct it"):
             begun(tmp_path, resume=resume)
 
 
-def test_what_was_not_finite_in_a_record_is_left_out(tmp_path):
+def test_values_that_are_not_finite_are_left_out(tmp_path):
     with begun(tmp_path) as folder:
         folder.finish(wall_time={"time loop": 1.5, "mesh": np.nan})
     assert RunRecord.load(tmp_path).wall_time == {"time loop": 1.5}
 
 
-def test_the_reason_does_not_tell_where_the_folder_is(tmp_path):
+def test_reason_does_not_contain_the_folder(tmp_path):
     folder = begun(tmp_path)
     folder.fail(f"{tmp_path}/fields.h5: cannot be written")
     folder.close()
     assert RunRecord.load(tmp_path).reason == "fields.h5: cannot be written"
 
 
-def test_a_refused_folder_is_not_marked_as_failed(tmp_path):
+def test_refused_folder_is_not_marked_as_failed(tmp_path):
     run = write_run(tmp_path, steps=2)
     holder = begun(run)
     with pytest.raises(InputError), OutputFolder(run) as folder:
@@ -280,7 +280,7 @@ def test_a_refused_folder_is_not_marked_as_failed(tmp_path):
     holder.close()
 
 
-def test_a_folder_that_cannot_be_made_is_an_input_error_with_the_mend(tmp_path):
+def test_impossible_folder_is_an_input_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError) as error:
         begun(tmp_path / "file" / "run")
@@ -291,7 +291,7 @@ def test_a_folder_that_cannot_be_made_is_an_input_error_with_the_mend(tmp_path):
 
 
 @pytest.mark.parametrize("number", [errno.EROFS, errno.ENOSPC])
-def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path, monkeypatch, number):
+def test_folder_that_cannot_be_written_is_an_input_error(tmp_path, monkeypatch, number):
     def refuse(*_: object) -> None:
         raise OSError(number, os.strerror(number))
 
@@ -302,7 +302,7 @@ def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path, monkeypatch
     begun(tmp_path).close()
 
 
-def test_a_disk_that_fills_during_the_run_is_a_run_failure(tmp_path, monkeypatch):
+def test_disk_that_fills_during_the_run_is_a_run_failure(tmp_path, monkeypatch):
     folder = begun(tmp_path)
 
     def full(*_: object) -> None:
@@ -317,7 +317,7 @@ def test_a_disk_that_fills_during_the_run_is_a_run_failure(tmp_path, monkeypatch
     folder.close()
 
 
-def test_unknown_entries_of_run_json_are_refused_by_update_and_skipped_by_load(tmp_path):
+def test_unknown_entries_are_refused_or_skipped(tmp_path):
     folder = begun(tmp_path)
     with pytest.raises(TypeError):
         folder.update(walltime={})
@@ -327,7 +327,7 @@ def test_unknown_entries_of_run_json_are_refused_by_update_and_skipped_by_load(t
     assert RunRecord.load(tmp_path).status == "running"
 
 
-def test_what_reads_results_is_light_to_import():
+def test_readers_of_results_are_light_to_import():
     code = """
 import importlib, pkgutil, sys
 import castfem.runs.output, castfem.post.plots, castfem.post.report
@@ -342,7 +342,7 @@ print(*(heavy & set(sys.modules)))
     assert done.stdout.strip() == ""
 
 
-def test_the_documentation_names_every_file_and_every_entry():
+def test_documentation_names_every_file_and_entry():
     text = (Path(__file__).parents[2] / "docs" / "output.md").read_text()
     names = [*folder_module.ARTEFACTS, *(f"{name}.png" for name in folder_module.FIGURES)]
     entries = [field.name for field in dataclasses.fields(RunRecord)]

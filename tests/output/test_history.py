@@ -1,4 +1,4 @@
-"""history.csv: whole rows, units in the header, resumed as if never stopped."""
+"""history.csv: complete rows, units in the header, resumed without a trace."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def test_columns_are_those_of_the_table(tmp_path):
         assert (columns[name] == table[name].to_numpy()).all()
 
 
-def test_a_header_alone_has_columns_of_no_rows(tmp_path):
+def test_header_without_rows_has_empty_columns(tmp_path):
     write(tmp_path / "h.csv", 0)
     columns = read_columns(tmp_path / "h.csv")
     assert len(columns) == 0
     assert columns["newton"].shape == (0,)
 
 
-def test_missing_and_not_finite_values_are_empty_cells(tmp_path):
+def test_missing_and_infinite_values_are_empty_cells(tmp_path):
     with History(tmp_path / "h.csv", COLUMNS) as history:
         history.append({"time": 0.0, "shell_mid_face": math.inf, "newton": math.nan})
     assert (tmp_path / "h.csv").read_text().splitlines()[1] == "0,,,"
@@ -68,7 +68,7 @@ def test_missing_and_not_finite_values_are_empty_cells(tmp_path):
     assert table.iloc[0].isna().sum() == 3
 
 
-def test_rows_are_on_disk_as_soon_as_they_are_appended(tmp_path):
+def test_rows_are_on_disk_after_append(tmp_path):
     history = History(tmp_path / "h.csv", COLUMNS)
     for count, row in enumerate(rows(4), start=1):
         history.append(row)
@@ -85,17 +85,17 @@ def test_unknown_columns_are_refused(tmp_path):
 @pytest.mark.parametrize(
     "columns", [[], [("time", "s"), ("time", "s")], [("time", "s"), ("a,b", "m")]]
 )
-def test_headers_that_would_not_come_back_are_refused(tmp_path, columns):
+def test_headers_that_cannot_be_read_back_are_refused(tmp_path, columns):
     with pytest.raises(ValueError, match="column"):
         History(tmp_path / "h.csv", columns)
 
 
-def test_resumed_history_equals_the_continuous_one_byte_by_byte(tmp_path):
+def test_resumed_history_equals_the_continuous_one(tmp_path):
     whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
     write(whole, 8)
     write(cut, 6)
     with cut.open("a") as file:
-        file.write("0.6,0.03")  # a run killed in the middle of a row, by whatever wrote it
+        file.write("0.6,0.03")  # a run killed in the middle of a row
     with History.resume(cut, 0.1 * 3, COLUMNS) as history:
         assert len(read_history(cut)) == 4
         for row in rows(8)[4:]:
@@ -103,7 +103,7 @@ def test_resumed_history_equals_the_continuous_one_byte_by_byte(tmp_path):
     assert cut.read_bytes() == whole.read_bytes()
 
 
-def test_a_row_without_its_end_is_not_read(tmp_path):
+def test_incomplete_row_is_not_read(tmp_path):
     write(tmp_path / "h.csv", 3)
     text = (tmp_path / "h.csv").read_text()
     (tmp_path / "h.csv").write_text(text[:-3])
@@ -111,7 +111,7 @@ def test_a_row_without_its_end_is_not_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "what"),
+    ("content", "message"),
     [
         (None, "no such file"),
         ("a,b\n1,2\n", "line 1 is not"),
@@ -122,18 +122,18 @@ def test_a_row_without_its_end_is_not_read(tmp_path):
         (b"\xff\xfe\x00\n", "cannot be read"),
     ],
 )
-def test_what_is_no_history_is_an_input_error_naming_the_file(tmp_path, content, what):
+def test_invalid_history_is_an_input_error(tmp_path, content, message):
     path = tmp_path / "h.csv"
     if isinstance(content, bytes):
         path.write_bytes(content)
     elif content is not None:
         path.write_text(content)
-    with pytest.raises(InputError, match=what) as error:
+    with pytest.raises(InputError, match=message) as error:
         read_history(path)
     assert str(path) in error.value.problems[0]
 
 
-def test_resuming_with_other_columns_or_a_row_without_time_is_an_input_error(tmp_path):
+def test_resume_with_other_columns_is_an_input_error(tmp_path):
     write(tmp_path / "h.csv", 3)
     with pytest.raises(InputError, match="other columns"):
         History.resume(tmp_path / "h.csv", 1.0, COLUMNS[:-1])
@@ -143,7 +143,7 @@ def test_resuming_with_other_columns_or_a_row_without_time_is_an_input_error(tmp
         History.resume(tmp_path / "h.csv", 1.0)
 
 
-def test_a_resumed_history_has_all_its_rows(tmp_path):
+def test_resumed_history_has_all_its_rows(tmp_path):
     path = tmp_path / "history.csv"
     with History(path, [("time", "s"), ("size", "m")]) as history:
         for step in range(5):
@@ -162,7 +162,7 @@ def test_a_resumed_history_has_all_its_rows(tmp_path):
         History.resume(path, 0.3, rows=4)
 
 
-def test_a_full_disk_is_a_run_failure_and_leaves_whole_rows(tmp_path):
+def test_full_disk_leaves_complete_rows(tmp_path):
     history = History(tmp_path / "h.csv", COLUMNS)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (200, before[1]))
@@ -178,14 +178,14 @@ def test_a_full_disk_is_a_run_failure_and_leaves_whole_rows(tmp_path):
     assert len(read_history(tmp_path / "h.csv")) == content.count("\n") - 1 > 0
 
 
-def test_resume_without_a_history_names_the_mend(tmp_path):
+def test_resume_without_a_history_names_the_fix(tmp_path):
     with pytest.raises(InputError, match=r"h\.csv: no such file; run again without --resume"):
         History.resume(tmp_path / "h.csv", 1.0)
 
 
 @pytest.mark.parametrize("columns", [2, 400])
-def test_last_row_is_that_of_the_whole_table(tmp_path: Path, columns: int) -> None:
-    """However long a row is, and with a row behind it that a kill has cut."""
+def test_last_row_is_that_of_the_table(tmp_path: Path, columns: int) -> None:
+    """For any length of a row, and with an incomplete row of a killed run after it."""
     path = tmp_path / "history.csv"
     names = [("time", "s"), *((f"c{i}", "mm") for i in range(columns))]
     with History(path, names) as history:

@@ -1,4 +1,4 @@
-"""The strand in space: its slices where the rolls put them, opened by a reader of VTK's files."""
+"""The strand in space: slices at the positions of the rolls, read by VTK's formats."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SIZES = {"surface_size": 0.01, "core_size": 0.02}
 
 
 def section(cell: str = "quadrilateral", order: int = 1) -> SectionMesh:
-    """Half of the slab, numbered as for the maps where cells are quadrilaterals of first order."""
+    """Return half of the slab; quadrilaterals of first order are numbered as for the maps."""
     return build(
         "rectangle", width=WIDE, height=THICK, symmetry="half", cell=cell, order=order, **SIZES
     )
@@ -38,7 +38,7 @@ def kelvin(mesh: SectionMesh, position: float) -> Array:
 
 
 def write_fields(folder: Path, mesh: SectionMesh) -> None:
-    """Temperature, a move of 1 mm inwards and 2 mm across, axial stress, at four positions."""
+    """Write temperature, 1 mm of motion inwards, 2 mm across, axial stress, at four positions."""
     with FieldWriter(folder, mesh.points, mesh.cells, mesh.cell, mesh.order) as fields:
         for position in AT:
             count = len(mesh.points)
@@ -56,7 +56,7 @@ def write_fields(folder: Path, mesh: SectionMesh) -> None:
 
 
 def strand(folder: Path, mesh: SectionMesh, every: float = EVERY) -> tuple[meshio.Mesh, Side]:
-    """The file, as its reader has it."""
+    """Return the file, as meshio reads it, and its side view."""
     side = Side(rolls(), THICK, LENGTH)
     write_fields(folder, mesh)
     target = folder / "strand.vtu"
@@ -67,7 +67,7 @@ def strand(folder: Path, mesh: SectionMesh, every: float = EVERY) -> tuple[meshi
 
 
 def volumes(points: Array, cells: Array) -> Array:
-    """Of hexahedra, by six tetrahedra each round a diagonal; positive where the order is VTK's."""
+    """Return volumes of hexahedra, by six tetrahedra round a diagonal; positive in VTK's order."""
     corners = points[cells]
     ring = (1, 2, 3, 7, 4, 5, 1)
     tetrahedra = [(0, a, b, 6) for a, b in pairwise(ring)]
@@ -79,8 +79,8 @@ def volumes(points: Array, cells: Array) -> Array:
     return np.asarray(np.sum(parts, axis=0))
 
 
-def test_the_strand_has_the_volume_of_its_way(tmp_path: Path) -> None:
-    """Its area times the length of its middle (Pappus), no cell inside out."""
+def test_strand_has_the_volume_of_its_path(tmp_path: Path) -> None:
+    """Its area times the length of its middle (Pappus), no cell inverted."""
     found, side = strand(tmp_path, section())
     (block,) = found.cells
     assert block.type == "hexahedron"
@@ -95,7 +95,7 @@ def test_the_strand_has_the_volume_of_its_way(tmp_path: Path) -> None:
     assert found.points[:, 1].min() == pytest.approx(0.0) and found.points[:, 1].max() == HALF
 
 
-def test_faces_lie_on_the_arcs_of_the_rolls(tmp_path: Path) -> None:
+def test_faces_are_on_the_arcs_of_the_rolls(tmp_path: Path) -> None:
     """Between rolls 4 and 6 the extrados has a radius of 4 m, the intrados one of 3.9 m."""
     found, side = strand(tmp_path, section())
     position = found.point_data["position"]
@@ -106,7 +106,7 @@ def test_faces_lie_on_the_arcs_of_the_rolls(tmp_path: Path) -> None:
     assert radius.min() == pytest.approx(4.0 - THICK, abs=2e-6)
 
 
-def test_values_are_those_of_the_slices_and_straight_between_them(tmp_path: Path) -> None:
+def test_values_are_linear_between_the_slices(tmp_path: Path) -> None:
     mesh = section()
     found, side = strand(tmp_path, mesh)
     position, count = found.point_data["position"].reshape(-1, len(mesh.points)), len(mesh.points)
@@ -125,8 +125,8 @@ def test_values_are_those_of_the_slices_and_straight_between_them(tmp_path: Path
 
 
 @pytest.mark.parametrize("every", [0.025, 0.4])
-def test_indexes_lie_on_the_surface_alone(tmp_path: Path, every: float) -> None:
-    """Their largest value is in the file however far apart its rows are."""
+def test_indexes_are_only_on_the_surface(tmp_path: Path, every: float) -> None:
+    """Their largest value is in the file for any distance of its rows."""
     mesh = section()
     line = write_maps(tmp_path)
     found, _ = strand(tmp_path, mesh, every)
@@ -151,7 +151,7 @@ def test_other_cells(tmp_path: Path, cell: str, order: int, solid: str) -> None:
     rows = len(between(np.array(AT), 0.2))
     assert block.type == solid and len(block.data) == len(mesh.cells) * (rows - 1)
     assert np.unique(block.data).tolist() == list(range(len(found.points)))
-    # The first face looks into a hexahedron, out of a wedge: VTK's volumes are above zero.
+    # The first face points into a hexahedron, out of a wedge: VTK's volumes are positive.
     first, second, third = (found.points[block.data[:, i]] for i in (0, 1, 2))
     last = found.points[block.data[:, block.data.shape[1] // 2]]
     normal = np.cross(second - first, third - first)
@@ -159,7 +159,7 @@ def test_other_cells(tmp_path: Path, cell: str, order: int, solid: str) -> None:
     assert inwards.all() if solid == "hexahedron" else not inwards.any()
 
 
-def test_one_slice_is_no_strand(tmp_path: Path) -> None:
+def test_single_slice_is_no_strand(tmp_path: Path) -> None:
     mesh = section()
     with FieldWriter(tmp_path, mesh.points, mesh.cells, mesh.cell, mesh.order) as fields:
         fields.write(0.0, 0.0, {"temperature": kelvin(mesh, 0.0)})
@@ -168,7 +168,7 @@ def test_one_slice_is_no_strand(tmp_path: Path) -> None:
     assert not (tmp_path / "a.vtu").exists()
 
 
-def test_the_command_writes_it_and_tells_what_is_wrong(tmp_path: Path) -> None:
+def test_command_writes_the_strand_or_reports_errors(tmp_path: Path) -> None:
     from bent_case import bent
     from click.testing import CliRunner
     from small_case import small
@@ -180,19 +180,19 @@ def test_the_command_writes_it_and_tells_what_is_wrong(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert meshio.read(tmp_path / "strand.vtu").cells[0].type == "hexahedron"
     (tmp_path / "case.toml").write_text(small().resolved_toml())
-    for words, told in (
+    for words, message in (
         (["strand", str(tmp_path)], "machine: the table is missing"),
         (["strand", str(tmp_path / "none")], "holds no run of castfem"),
         (["strand", str(tmp_path), "--every", "5 K"], "--every 5 K"),
     ):
         done = runner.invoke(app, words)
         assert done.exit_code != 0
-        assert told in str(done.exception) + done.output
+        assert message in str(done.exception) + done.output
 
 
 @pytest.mark.parametrize(("cell", "order"), [("quadrilateral", 1), ("triangle", 2)])
 def test_vtk_reads_the_strand(tmp_path: Path, cell: str, order: int) -> None:
-    """ParaView's own reader: every cell has its volume, every field is there."""
+    """ParaView's own reader: every cell has its volume, every field exists."""
     vtk = pytest.importorskip("vtk", reason="make test-paraview brings VTK")
     found, _ = strand(tmp_path, section(cell, order))
     reader = vtk.vtkXMLUnstructuredGridReader()

@@ -1,4 +1,4 @@
-"""summary.json: units, references, and back."""
+"""summary.json: units, references, and reading back."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from castfem.model import load_case
 from castfem.runs.output.summary_file import Reference, Summary, compare
 
 
-def test_values_are_in_the_unit_beside_them():
+def test_values_are_in_their_stated_unit():
     content = summary().to_json()
     assert content["quantities"]["solidus"] == {"value": 1452.0, "unit": "degC", "label": "solidus"}
     assert content["quantities"]["heat_removed_slice"]["value"] == 139.2
@@ -27,7 +27,7 @@ def test_values_are_in_the_unit_beside_them():
     assert content["zones"] == [{"name": "mould", "start": 0.0, "end": 0.6, "whole": True}]
 
 
-def test_references_stand_beside_ours_with_the_difference():
+def test_references_have_our_value_and_the_difference():
     quantities = {
         "shell": Quantity(4.9875e-3, "mm", "shell"),
         "surface": Quantity(1525.15, "degC", "surface"),
@@ -46,7 +46,7 @@ def test_references_stand_beside_ours_with_the_difference():
     assert (row["relative"], row["source"], row["at"]) == (None, "B", 0.3)
 
 
-def test_a_reference_in_another_unit_of_the_same_kind_is_compared():
+def test_reference_in_another_unit_is_compared():
     (found,) = compare(
         [Reference("surface", 1515.15, "K", "A")], {"surface": Quantity(1525.15, "degC", "s")}
     )
@@ -54,7 +54,7 @@ def test_a_reference_in_another_unit_of_the_same_kind_is_compared():
     assert found.missing == ""
 
 
-def test_references_that_do_not_fit_get_a_note_and_spoil_nothing():
+def test_unfit_references_get_a_note():
     references = [Reference("shel", 1.0, "mm", "A"), Reference("shell", 1.0, "s", "B")]
     quantities = {"shell": Quantity(1e-3, "mm", "shell")}
     misspelt, wrong = compare(references, quantities)
@@ -66,7 +66,7 @@ def test_references_that_do_not_fit_get_a_note_and_spoil_nothing():
     assert [row["ours"] for row in content["references"]] == [None, None]
 
 
-def test_a_zero_reference_has_no_relative_difference():
+def test_zero_reference_has_no_relative_difference():
     (found,) = compare([Reference("a", 0.0, "-", "A")], {"a": Quantity(1.0, "-", "a")})
     assert found.difference == 1.0
     assert math.isnan(found.relative)
@@ -81,7 +81,7 @@ def test_a_zero_reference_has_no_relative_difference():
         ("at_least", math.nan, None),
     ],
 )
-def test_a_bound_is_met_or_missed_and_comes_back_with_its_note(kind, ours, met):
+def test_bound_is_met_or_missed_and_keeps_its_note(kind, ours, met):
     reference = Reference("heat", 134.1e3, "kJ", "A", kind=kind, note="a share")
     quantities = {"heat": Quantity(ours, "kJ", "heat")}
     (found,) = compare([reference], quantities)
@@ -93,7 +93,7 @@ def test_a_bound_is_met_or_missed_and_comes_back_with_its_note(kind, ours, met):
     assert (again.reference.kind, again.reference.note, again.met) == (kind, "a share", met)
 
 
-def test_a_summary_from_before_there_were_bounds_is_read():
+def test_summary_without_kinds_of_references_is_read():
     old = {"quantity": "shel", "value": 4.75, "unit": "mm", "source": "A", "at": None}
     old |= {"ours": None, "difference": None, "relative": None, "note": "no such quantity"}
     content = summary().to_json() | {"references": [old]}
@@ -104,7 +104,7 @@ def test_a_summary_from_before_there_were_bounds_is_read():
         Summary.from_json(plain(content | {"references": [old | {"kind": "about"}]}))
 
 
-def test_the_file_reads_back(tmp_path):
+def test_file_reads_back(tmp_path):
     write_json(tmp_path / "summary.json", summary().to_json())
     found = Summary.load(tmp_path)
     once, again = (
@@ -121,12 +121,12 @@ def test_the_file_reads_back(tmp_path):
     st.floats(-1e12, 1e12),
     st.sampled_from(["-", "mm", "degC", "K", "kJ", "MJ/m", "kW/m^2", "MPa", "percent", "min"]),
 )
-def test_units_go_out_and_come_back(value, unit):
+def test_units_convert_both_ways(value, unit):
     value = abs(value) if unit == "degC" else value
     assert to_si(from_si(value, unit), unit) == pytest.approx(value, rel=1e-14, abs=1e-10)
 
 
-def test_no_file_is_none_and_a_damaged_one_an_input_error(tmp_path):
+def test_missing_file_is_none_and_damaged_one_an_error(tmp_path):
     assert Summary.load(tmp_path) is None
     for content in ("{", "[]", '{"title": 1}', '{"title": "t", "status": "", "quantities": 3}'):
         (tmp_path / "summary.json").write_text(content)
@@ -134,14 +134,14 @@ def test_no_file_is_none_and_a_damaged_one_an_input_error(tmp_path):
             Summary.load(tmp_path)
 
 
-def test_json_never_holds_nan(tmp_path):
+def test_json_never_contains_nan(tmp_path):
     write_json(tmp_path / "a.json", {"a": [math.nan, {"b": -math.inf}], "c": (1, True, None)})
     text = (tmp_path / "a.json").read_text()
     assert json.loads(text) == {"a": [None, {"b": None}], "c": [1, True, None]}
     assert "NaN" not in text
 
 
-def test_value_and_unit_are_si_and_what_is_shown_has_its_own_unit() -> None:
+def test_value_is_si_and_shown_has_its_own_unit() -> None:
     heat = Quantity(9091360.0, "MJ/m", "heat")
     assert (heat.value, heat.unit) == (9091360.0, "J/m")
     assert (heat.shown, heat.shown_unit) == (pytest.approx(9.09136), "MJ/m")
@@ -156,7 +156,7 @@ def test_value_and_unit_are_si_and_what_is_shown_has_its_own_unit() -> None:
     assert found.shown_difference == pytest.approx(0.09136)
 
 
-def test_no_difference_is_taken_from_a_number_of_the_unchanged_case() -> None:
+def test_changed_case_has_no_difference() -> None:
     theirs = Reference("heat", 9e6, "MJ/m", "thesis", kind="at_least", changed=("casting.speed",))
     (found,) = compare([theirs], {"heat": Quantity(9091360.0, "MJ/m", "heat")})
     assert math.isnan(found.difference) and math.isnan(found.relative) and found.met is None
@@ -165,7 +165,7 @@ def test_no_difference_is_taken_from_a_number_of_the_unchanged_case() -> None:
     assert again == found
 
 
-def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
+def test_data_from_memory_are_reported_in_every_run(tmp_path: Path) -> None:
     from rich.console import Console
 
     from castfem.model.shipped_cases import find
@@ -175,9 +175,11 @@ def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
     changes = ["casting.length=6 mm", "mechanics.law=kozlowski_zhu", "mesh.surface_size=3 mm"]
     case = load_case(find("billet125/idealised"), [*changes, "output.fields=[]"])
     with castfem.run(case, tmp_path / "run") as result:
-        told = " ".join(result.summary.unchecked)
-    assert "density: usual size for carbon steel" in told and "conductivity: usual" in told
-    assert "mechanics.law:" in told and "thermal expansion" not in told, "that is from the thesis"
+        reported = " ".join(result.summary.unchecked)
+    assert "density: usual size for carbon steel" in reported and "conductivity: usual" in reported
+    assert "mechanics.law:" in reported and "thermal expansion" not in reported, (
+        "that is from the thesis"
+    )
     assert Summary.load(tmp_path / "run").unchecked == result.summary.unchecked
     console = Console(record=True, width=200)
     show(tmp_path / "run", console, figures=False)
@@ -186,7 +188,7 @@ def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
     steel = ["steel.name=plain_carbon", "steel.composition={C=0.2}"]
     short = ["casting.length=6 mm", "mesh.surface_size=3 mm", "output.fields=[]"]
     with castfem.run(load_case(find("billet125/thermal"), [*steel, *short])) as result:
-        told = " ".join(result.summary.unchecked)
-    assert "density" in told and "modulus" not in told, "not used without mechanics"
-    # Its numbers are an own fit, but the range of the measurements behind is from memory.
+        reported = " ".join(result.summary.unchecked)
+    assert "density" in reported and "modulus" not in reported, "not used without mechanics"
+    # Its numbers are an own fit, but the range of the measurements is from memory.
     assert unchecked("norton_hoff_kozlowski") == {"data": "Kozlowski et al. (1992), model III"}

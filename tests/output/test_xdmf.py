@@ -1,4 +1,4 @@
-"""fields.xdmf + fields.h5: read back by others, never half written, cheap."""
+"""fields.xdmf + fields.h5: read by other programs, never half written, cheap."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MESHIO = {
 
 
 def some_fields(points: np.ndarray, cells: np.ndarray, k: int) -> tuple[dict, dict]:
-    """Point and cell fields of every shape, different at every time."""
+    """Return point and cell fields of every shape, different at every time."""
     x, y = points.T
     tensor = np.stack([x + k, 2 + x, 3 + y, 4 + x * y], axis=1)
     at_points = {
@@ -77,7 +77,7 @@ def test_meshio_reads_all_fields_of_a_time_from_one_grid(tmp_path, cell, order):
 
 
 @pytest.mark.parametrize(("cell", "order"), KINDS)
-def test_vtk_reads_the_xdmf_as_one_unstructured_grid(tmp_path, cell, order):
+def test_vtk_reads_one_unstructured_grid(tmp_path, cell, order):
     vtk = pytest.importorskip("vtk")
     if not hasattr(vtk, "vtkXdmfReader"):
         pytest.skip("this VTK is built without XDMF, as Debian's")
@@ -101,7 +101,7 @@ def test_vtk_reads_the_xdmf_as_one_unstructured_grid(tmp_path, cell, order):
 
 @pytest.mark.parametrize(("cell", "order"), KINDS)
 def test_node_order_is_that_of_vtk(cell, order):
-    """VTK's own shape functions put each node of a written cell at its place."""
+    """VTK's own shape functions map each node of a written cell to its position."""
     vtk = pytest.importorskip("vtk")
     points, cells = rectangle(2, 2, 3.0, 2.0, cell, order)
     kinds = {
@@ -136,7 +136,7 @@ def test_node_order_agrees_with_dolfinx(cell, order):
 
 
 @pytest.mark.parametrize(("cell", "order"), KINDS)
-def test_triangles_for_drawing_cover_the_mesh_and_keep_its_orientation(cell, order):
+def test_triangles_for_drawing_cover_the_mesh(cell, order):
     points, cells = rectangle(4, 3, 0.06, 0.05, cell, order, power=1.5)
     plane, triangles, parents = triangulate(points, vtk_cells(cells, cell, order), cell, order)
     a, b, c = plane[triangles].transpose(1, 0, 2)
@@ -155,8 +155,10 @@ def test_every_field_has_its_unit_in_the_files(tmp_path):
     with FieldWriter(tmp_path, points, cells, "quadrilateral", 1) as writer:
         writer.write(0.0, 0.0, {"temperature": gap + 1500.0, "gap": gap})
     grid = ElementTree.parse(tmp_path / "fields.xdmf").find("Domain/Grid/Grid")
-    told = {item.get("Name"): item.get("Value") for item in grid.findall("Information")}
-    assert told["units"] == "time [s], position [m], coordinates [m], gap [m], temperature [K]"
+    information = {item.get("Name"): item.get("Value") for item in grid.findall("Information")}
+    assert (
+        information["units"] == "time [s], position [m], coordinates [m], gap [m], temperature [K]"
+    )
     with h5py.File(tmp_path / "fields.h5") as file:
         found = {name: str(v.attrs["unit"]) for name, v in file["steps/000000"].items()}
     assert found == {"temperature": "K", "gap": "m"}
@@ -166,7 +168,7 @@ def test_every_field_has_its_unit_in_the_files(tmp_path):
     assert np.array_equal(read, gap.astype(np.float32), equal_nan=True)
 
 
-def test_single_precision_is_the_default_and_times_stay_double(tmp_path):
+def test_single_precision_is_default_and_times_are_double(tmp_path):
     points, cells = rectangle(2, 2, 1.0, 1.0, "triangle", 1)
     values = 1500.0 + np.pi * np.arange(len(points))
     with FieldWriter(tmp_path, points, cells, "triangle", 1) as writer:
@@ -178,7 +180,7 @@ def test_single_precision_is_the_default_and_times_stay_double(tmp_path):
         assert np.array_equal(fields.points[:, :2], points)
 
 
-def test_large_fields_are_compressed_and_come_back(tmp_path):
+def test_large_fields_are_compressed_and_read_back(tmp_path):
     points, cells = rectangle(199, 99, 1.0, 1.0, "quadrilateral", 1)
     values = np.round(points @ [3.0, 5.0], 2)
     with FieldWriter(tmp_path, points, cells, "quadrilateral", 1) as writer:
@@ -192,7 +194,7 @@ def test_large_fields_are_compressed_and_come_back(tmp_path):
         assert stored < 0.5 * 12 * len(points)
 
 
-def test_resume_drops_later_times_and_goes_on(tmp_path):
+def test_resume_drops_later_times_and_continues(tmp_path):
     points, cells = rectangle(3, 3, 1.0, 1.0, "quadrilateral", 1)
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     for folder in (whole, cut):
@@ -217,11 +219,11 @@ def test_resume_drops_later_times_and_goes_on(tmp_path):
     assert sorted(p.name for p in cut.iterdir()) == ["fields.h5", "fields.xdmf"]
 
 
-def test_resume_before_the_first_time_begins_a_new_series(tmp_path):
+def test_resume_before_the_first_time_begins_again(tmp_path):
     write_some(tmp_path, "triangle", 1)
     with FieldWriter.resume(tmp_path, -1.0) as writer:
         assert writer.times == []
-        assert not (tmp_path / "fields.xdmf").exists()  # one without a grid few can read
+        assert not (tmp_path / "fields.xdmf").exists()  # few programs read one without a grid
         writer.write(0.5, 0.0, {"anything": np.zeros(20)})
     with Fields(tmp_path) as fields:
         assert fields.names == ("anything",)
@@ -230,8 +232,8 @@ def test_resume_before_the_first_time_begins_a_new_series(tmp_path):
 
 def test_resume_with_other_fields_is_refused_by_name(tmp_path):
     write_some(tmp_path, "triangle", 1)
-    there = {"displacement", "mises", "strain", "stress", "temperature"}
-    FieldWriter.resume(tmp_path, 9.0, there).close()
+    names = {"displacement", "mises", "strain", "stress", "temperature"}
+    FieldWriter.resume(tmp_path, 9.0, names).close()
     with pytest.raises(
         InputError,
         match=r"holds displacement, mises, strain, stress, temperature; set output\.fields to",
@@ -240,7 +242,7 @@ def test_resume_with_other_fields_is_refused_by_name(tmp_path):
     FieldWriter.resume(tmp_path, -1.0, ["temperature"]).close()  # none is kept
 
 
-def test_damaged_foreign_and_missing_files_are_input_errors(tmp_path):
+def test_damaged_and_missing_files_are_input_errors(tmp_path):
     for folder_content in (None, b"no hdf5 at all", "foreign"):
         folder = tmp_path / str(folder_content)[:9]
         folder.mkdir()
@@ -256,23 +258,23 @@ def test_damaged_foreign_and_missing_files_are_input_errors(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("points", "fields", "what"),
+    ("points", "fields", "message"),
     [
         (None, {"t": np.zeros(3)}, "not 4 rows"),
         (None, {"a/b": np.zeros(4)}, "cannot be named"),
         (np.zeros((4, 4)), {}, "points are"),
     ],
 )
-def test_wrong_shapes_and_names_are_refused(tmp_path, points, fields, what):
+def test_wrong_shapes_and_names_are_refused(tmp_path, points, fields, message):
     square = np.array([[0, 0], [1, 0], [0, 1], [1, 1]], float)
-    with pytest.raises(ValueError, match=what):
+    with pytest.raises(ValueError, match=message):
         mesh = square if points is None else points
         with FieldWriter(tmp_path, mesh, [[0, 1, 2, 3]], "quadrilateral", 1) as writer:
             writer.write(0.0, 0.0, fields)
 
 
-def test_files_are_complete_after_every_write_without_closing(tmp_path):
-    """What another process sees while the writer still has the file open."""
+def test_files_are_complete_after_every_write(tmp_path):
+    """As another process sees them while the writer still has the file open."""
     points, cells = rectangle(3, 3, 1.0, 1.0, "triangle", 2)
     writer = FieldWriter(tmp_path, points, cells, "triangle", 2)
     for k in range(4):
@@ -289,7 +291,7 @@ with meshio.xdmf.TimeSeriesReader({str(tmp_path / "fields.xdmf")!r}) as reader:
     writer.close()
 
 
-def test_a_file_system_without_links_still_gets_whole_files(tmp_path, monkeypatch):
+def test_file_system_without_links_gets_complete_files(tmp_path, monkeypatch):
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")
 
@@ -299,6 +301,6 @@ def test_a_file_system_without_links_still_gets_whole_files(tmp_path, monkeypatc
         assert reader.num_steps == 3
 
 
-def test_a_missing_folder_is_a_run_failure(tmp_path):
+def test_missing_folder_is_a_run_failure(tmp_path):
     with pytest.raises(RunFailure, match=r"fields\.h5: cannot be written \(No such file"):
         FieldWriter(tmp_path / "nowhere", np.zeros((3, 2)), [[0, 1, 2]], "triangle", 1)

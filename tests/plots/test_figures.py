@@ -1,4 +1,4 @@
-"""Figures of a run's history and of its section: what is drawn, and of what is there."""
+"""Figures of a run's history and of its section: their contents, and the data they need."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ assert "matplotlib.pyplot" not in sys.modules
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
 
 
-def test_absent_columns_probes_and_files_are_left_out(tmp_path):
+def test_missing_columns_probes_and_files_are_left_out(tmp_path):
     write_run(tmp_path, steps=12)
     text = (tmp_path / "history.csv").read_text()
     table = [line.split(",") for line in text.splitlines()]
@@ -64,9 +64,7 @@ def test_absent_columns_probes_and_files_are_left_out(tmp_path):
         ("quadrilateral", 2, "quarter", 4),
     ],
 )
-def test_the_whole_section_is_shown_and_its_states_have_the_right_area(
-    tmp_path, cell, order, part, copies
-):
+def test_full_section_is_shown_with_the_area_of_its_states(tmp_path, cell, order, part, copies):
     points, cells = rectangle(6, 4, 0.06, 0.04, cell, order)
     span = LIQUIDUS - SOLIDUS
     values = SOLIDUS - span + 3 * span * points[:, 0] / 0.06  # a third each
@@ -80,8 +78,8 @@ def test_the_whole_section_is_shown_and_its_states_have_the_right_area(
         assert mesh.x.min() == pytest.approx(-60 if copies > 1 else 0)
         assert mesh.y.min() == pytest.approx(-40 if copies == 4 else 0)
         assert shares_of(mesh, drawn, steel) == pytest.approx((1 / 3, 1 / 3, 1 / 3), abs=2e-6)
-        alone, _ = section_triangles(fields, fields.values("temperature"), mirrored=False)
-        assert len(mesh.triangles) == copies * len(alone.triangles)
+        single, _ = section_triangles(fields, fields.values("temperature"), mirrored=False)
+        assert len(mesh.triangles) == copies * len(single.triangles)
         for figure in (draw_temperature(fields, steel), draw_states(fields, steel)):
             (axes,) = [a for a in figure.axes if a.get_xlabel() == "x [mm]"]
             assert axes.get_aspect() == 1.0
@@ -101,7 +99,7 @@ def test_shares_of_uniform_and_sharp_fields(tmp_path):
         assert draw_states(fields, None) is None
 
 
-def test_long_strands_are_shown_in_metres_with_their_zones(finished_run):
+def test_long_strands_are_shown_in_metres(finished_run):
     table = read_history(finished_run / "history.csv")
     time = table["time"].to_numpy()
     zones = (Zone("mould", 0.0, 0.9), Zone("spray", 0.9, 5.0), Zone("beyond", 30.0, 40.0))
@@ -114,7 +112,7 @@ def test_long_strands_are_shown_in_metres_with_their_zones(finished_run):
     assert tops[0].get_xlim() == pytest.approx((0.0, time[-1]))
 
 
-def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finished_run):
+def test_heat_rate_is_derived_from_the_heat_removed(finished_run):
     table = read_history(finished_run / "history.csv")
     units = table.attrs["units"]
     removed = table.drop(columns=["heat_rate"])
@@ -126,8 +124,8 @@ def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finishe
     assert np.allclose(panel.lines[0].get_ydata(), 500.0)
 
 
-def test_an_error_that_is_nothing_throughout_has_no_panel(finished_run):
-    """A logarithmic axis would have nothing to span."""
+def test_zero_error_has_no_panel(finished_run):
+    """A logarithmic axis would have no range."""
     table = read_history(finished_run / "history.csv")
     abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
     labels = [axes.get_ylabel() for axes in draw_steps(table, abscissa, None).axes]
@@ -144,19 +142,19 @@ def test_probes_are_found_by_their_columns(finished_run):
     assert "empty" not in probes_with(table, "shell")
 
 
-def test_curves_that_would_hide_one_another_are_drawn_once(finished_run):
+def test_coinciding_curves_are_drawn_once(finished_run):
     table = read_history(finished_run / "history.csv")
     units = table.attrs["units"]
     table["shell_narrow_face"] = table["shell_mid_face"] * (1 + 1e-6)
     table.attrs["units"] = units | {"shell_narrow_face": "mm"}
     found = [(label, column) for label, _, column in curves(table, "shell")]
     assert found == [("mid-face", "shell_mid_face"), ("corner", "shell_corner")]  # as in tables
-    told = {
+    labels = {
         "mid_face_extrados": "mid-face and mid-face extrados",
         "narrow_face_right": "mid-face, mid-face extrados and narrow face right",
         "narrow_face_left": "mid-face and 3 others",
     }
-    for name, expected in told.items():
+    for name, expected in labels.items():
         table[f"shell_{name}"] = table["shell_mid_face"]
         assert curves(table, "shell")[0][0] == expected
 
@@ -171,22 +169,22 @@ NAN = np.nan
         ([NAN, 0, 90, 746, 746], [NAN, 0, 90, NAN, NAN]),
         ([0, 90, 106, 596.6, 596.4, 595.5, 595.9], [0, 90, 106, NAN, NAN, NAN, NAN]),  # strained
         ([0, 0.39, 0.4, 0.395], [0, 0.39, 0.4, 0.395]),
-        ([0, 60, 90, 100, 110, 110], [0, 60, 90, 100, 110, 110]),  # it has walked there
+        ([0, 60, 90, 100, 110, 110], [0, 60, 90, 100, 110, 110]),  # it has moved there
         ([0, 0, 0.4], [0, 0, 0.4]),  # the first shell
         ([0, 0, 0], [0, 0, 0]),
         ([NAN, NAN], [NAN, NAN]),
         ([5], [5]),
-        ([746, 746], [746, 746]),  # solid all the way: nothing else is to be seen
-        ([0, 9, 20, 12, 15], [0, 9, 20, 12, 15]),  # melted again
+        ([746, 746], [746, 746]),  # solid all the way: only this can be shown
+        ([0, 9, 20, 12, 15], [0, 9, 20, 12, 15]),  # remelted
     ],
 )
-def test_which_part_is_shown(depth: list[float], shown: list[float]) -> None:
-    given = np.array(depth, float)
-    np.testing.assert_array_equal(open_front(given), np.array(shown, float))
-    np.testing.assert_array_equal(given, np.array(depth, float))
+def test_open_part_of_a_front_is_shown(depth: list[float], shown: list[float]) -> None:
+    depths = np.array(depth, float)
+    np.testing.assert_array_equal(open_front(depths), np.array(shown, float))
+    np.testing.assert_array_equal(depths, np.array(depth, float))
 
 
-def test_the_axis_is_that_of_the_shell() -> None:
+def test_axis_is_scaled_by_the_shell() -> None:
     position = np.linspace(0.0, 20.0, 41)
     shell = np.where(position < 15.0, 6.5 * np.sqrt(10 * position), 746.0)
     table = pandas.DataFrame({"position": position, "shell_narrow_face": shell})
@@ -198,7 +196,7 @@ def test_the_axis_is_that_of_the_shell() -> None:
 @pytest.mark.parametrize(
     ("exit_", "at"), [(None, 0.6), (0.6, 0.6), (0.9, 0.6), (0.2, 0.2), (0.05, 0.05)]
 )
-def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) -> None:
+def test_state_at_the_mould_exit_is_drawn(tmp_path: Path, exit_: float | None, at: float) -> None:
     folder = write_run(tmp_path / "run", steps=80)
     with ExitStack() as files:
         run = RunData(folder, replace(summary(), mould_exit=exit_), files)
@@ -207,20 +205,18 @@ def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) ->
         assert RunData(folder, None, files).at_exit == len(positions) - 1
 
 
-def test_the_meniscus_is_no_state_to_look_at(tmp_path: Path) -> None:
-    """With states far apart that after it is drawn, though it lies farther from the exit."""
+def test_meniscus_is_not_drawn(tmp_path: Path) -> None:
+    """If states are far apart the next one is drawn, even if it is farther from the exit."""
     folder = write_run(tmp_path / "run", steps=80)
     with ExitStack() as files:
         assert RunData(folder, replace(summary(), mould_exit=1e-4), files).at_exit == 1
 
 
-def test_a_stack_of_few_slices_is_not_drawn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stack_of_few_slices_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = write_run(tmp_path / "run", steps=80)
     with ExitStack() as files:
         count = len(RunData(folder, None, files).fields.positions)
-    for least, there in ((count, True), (count + 1, False)):
+    for least, expected in ((count, True), (count + 1, False)):
         monkeypatch.setattr("castfem.post.plots.figures.STYLE", Style(slices=least))
         drawn = {path.stem for path in draw_figures(folder)}
-        assert ("stack" in drawn) is there and "temperature" in drawn
+        assert ("stack" in drawn) is expected and "temperature" in drawn

@@ -43,11 +43,11 @@ STEEL = Steel(SOLIDUS, LIQUIDUS)
 
 @pytest.fixture
 def abscissa(table):
-    """Its way."""
+    """Return the positions of the strained run."""
     return Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
 
 
-def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
+def test_all_figures_are_drawn_and_removed_by_a_new_run(tmp_path):
     run = write_strained(tmp_path)
     drawn = draw_figures(run)
     assert {path.stem for path in drawn} == {*FIGURES, *MECHANICS_FIGURES}
@@ -56,7 +56,7 @@ def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
         assert min(image.shape[:2]) > 400
         assert image[..., :3].std() > 0.02
         # the stack has all colours of two scales, without bands
-        newer = matplotlib.__version_info__ >= (3, 11)  # which writes 3 % more
+        newer = matplotlib.__version_info__ >= (3, 11)  # its files are 3 % larger
         largest = 600_000 if path.stem == "stack" else 210_000 if newer else 200_000
         assert path.stat().st_size < largest
     OutputFolder(run).begin("x = 1\n")
@@ -68,9 +68,7 @@ def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
     [("quadrilateral", 1), ("quadrilateral", 2), ("triangle", 1), ("triangle", 2)],
 )
 @pytest.mark.parametrize(("part", "planes", "faces"), [("quarter", 2, 2), ("half", 1, 3)])
-def test_the_outline_is_the_surface_and_the_planes_of_symmetry(
-    tmp_path, cell, order, part, planes, faces
-):
+def test_outline_is_surface_and_symmetry_planes(tmp_path, cell, order, part, planes, faces):
     write_strained(tmp_path, cell=cell, order=order, part=part)
     with Fields(tmp_path) as fields:
         outline = Outline.of(fields)
@@ -117,7 +115,7 @@ def test_von_mises_stress_is_read_or_taken_from_the_tensor(tmp_path, strained_ru
 
 
 @pytest.mark.parametrize("largest", [10.3, 0.0421, 1.0, 250.0])
-def test_the_scale_of_stress_is_round_and_ends_above_the_largest(largest):
+def test_scale_of_stress_is_round_and_contains_the_largest(largest):
     levels = stress_levels(largest)
     assert levels[0] == 0.0
     assert levels[-2] < largest <= levels[-1] * (1 + 1e-9)
@@ -140,7 +138,7 @@ def test_section_figures_show_the_modelled_part_with_its_factor(tmp_path, part):
         assert sorted(texts) == named.get(part, ["+0.15 mm", "−0.30 mm"])
 
 
-def test_what_is_soft_is_grey_and_stress_there_leaves_the_scale_alone(tmp_path):
+def test_soft_steel_is_grey_and_does_not_change_the_scale(tmp_path):
     run = write_strained(tmp_path)
     with FieldWriter.resume(run, 9.0) as writer, Fields(run) as fields:
         kelvin = temperature(fields.points[:, :2], 10.0)
@@ -156,14 +154,14 @@ def test_what_is_soft_is_grey_and_stress_there_leaves_the_scale_alone(tmp_path):
 
 
 def colour_at(figure, x: float, y: float) -> np.ndarray:
-    """What is drawn at a place [mm] of the section."""
+    """Return the colour at a place [mm] of the section."""
     figure.canvas.draw()
     image = np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0
     column, line = figure.axes[0].transData.transform((x, y))
     return image[len(image) - int(line), int(column)]
 
 
-def test_a_displacement_that_rounds_to_nothing_has_no_sign(tmp_path):
+def test_displacement_that_rounds_to_zero_has_no_sign(tmp_path):
     run = write_strained(tmp_path)
     with FieldWriter.resume(run, 9.0) as writer, Fields(run) as fields:
         kelvin = temperature(fields.points[:, :2], 10.0)
@@ -174,7 +172,7 @@ def test_a_displacement_that_rounds_to_nothing_has_no_sign(tmp_path):
         assert {text.get_text() for text in figure.axes[0].texts} == {"0.00 mm"}
 
 
-def test_the_largest_stress_of_all_is_drawn_at_the_end_of_the_scale(strained_run):
+def test_largest_stress_is_at_the_end_of_the_scale(strained_run):
     with Fields(strained_run) as fields:  # 2 MPa everywhere, the scale ends there
         figure = draw_von_mises(fields, STEEL)
         assert figure is not None
@@ -183,12 +181,12 @@ def test_the_largest_stress_of_all_is_drawn_at_the_end_of_the_scale(strained_run
         assert blue < 0.3
 
 
-def test_history_figures_say_what_they_draw(table, abscissa):
+def test_history_figures_have_their_labels(table, abscissa):
     figure = draw_stress(table, abscissa, None)
     labels = [line.get_label() for line in figure.axes[0].lines]
     assert labels == ["surface, mid-face", "surface, corner", "largest in the section"]
     figure = draw_size(table, abscissa, None)
-    assert len(figure.axes) == 1  # the displacement says nothing more
+    assert len(figure.axes) == 1  # the displacement adds nothing
     lines = figure.axes[0].lines
     assert lines[0].get_label() == "mid-face, from 125.00 mm"
     assert lines[1].get_label() == "diagonal, from 172.60 mm"
@@ -205,7 +203,7 @@ def test_newtons_on_a_free_strand_are_not_drawn(table, abscissa):
         assert len(draw_axial(table, abscissa, None).axes) == panels
 
 
-def test_displacements_and_forces_are_drawn_where_they_say_something(table, abscissa):
+def test_displacements_and_forces_are_drawn_if_informative(table, abscissa):
     units = table.attrs["units"]
     half = table.drop(columns=["size_mid_face"])
     half["axial_force"] = 12.0
@@ -216,7 +214,7 @@ def test_displacements_and_forces_are_drawn_where_they_say_something(table, absc
     assert labels == ["axial strain [%]", "axial force,\nmodelled part [kN]"]
 
 
-def test_contact_and_steps_are_drawn_from_the_columns_that_are_there(table, abscissa):
+def test_contact_and_steps_are_drawn_from_their_columns(table, abscissa):
     labels = [axes.get_ylabel() for axes in draw_contact(table, abscissa, None).axes]
     share = "share of the surface\nin contact [%]"
     assert labels == ["gap [mm]", "contact pressure [MPa]", share]  # no friction anywhere
@@ -238,7 +236,7 @@ def test_contact_and_steps_are_drawn_from_the_columns_that_are_there(table, absc
         assert draw(thermal, abscissa, None) is None
 
 
-def test_a_title_goes_on_in_further_lines(tmp_path):
+def test_long_title_continues_in_further_lines(tmp_path):
     with look():
         figure = new_figure(5.0, 3.0)
         figure.subplots()
@@ -249,8 +247,8 @@ def test_a_title_goes_on_in_further_lines(tmp_path):
     assert box.x0 > 0.0 and box.x1 < figure.bbox.x1
 
 
-def test_below_the_mould_no_gap_is_drawn(table, abscissa):
-    """A history has a largest gap of 0 there; a curve that falls to it would say that it closes."""
+def test_no_gap_is_drawn_below_the_mould(table, abscissa):
+    """A history has a largest gap of 0 there; a curve down to it would mean that it closes."""
     below = table["position"].to_numpy() > 0.5
     table.loc[below, ["gap_mid_face", "gap_corner"]] = np.nan
     table.loc[below, "gap_max"] = 0.0
@@ -261,7 +259,7 @@ def test_below_the_mould_no_gap_is_drawn(table, abscissa):
     assert (table["gap_max"].isna() == below).all()
 
 
-def test_long_numbers_do_not_push_their_label_off_the_figure(table, abscissa):
+def test_long_numbers_keep_their_label_in_the_figure(table, abscissa):
     units = table.attrs["units"]
     for name in ("von_mises_mid_face", "von_mises_corner", "von_mises_max"):
         table[name] *= 1e7
@@ -276,7 +274,7 @@ def test_long_numbers_do_not_push_their_label_off_the_figure(table, abscissa):
     assert np.asarray(image)[:, 0].min() == 255  # nothing is drawn at the edge
 
 
-def test_sections_of_several_runs_have_one_scale_and_soft_steel_is_grey(tmp_path):
+def test_sections_of_several_runs_have_one_scale(tmp_path):
     folders = [tmp_path / "taper_1", tmp_path / "taper_2"]
     for folder, last in zip(folders, (10.0, 5.0), strict=True):
         folder.mkdir()
@@ -296,14 +294,14 @@ def test_sections_of_several_runs_have_one_scale_and_soft_steel_is_grey(tmp_path
 
 
 def in_mould(folder, last: float = 10.0):
-    """A strained run whose case has a mould of -3 %/m, open wide at its end at 0.6 m."""
+    """Write a strained run whose case has a mould of -3 %/m, wide open at its end at 0.6 m."""
     folder.mkdir()
     write_strained(folder, last=last)
     (folder / "case.toml").write_text(load_case(find("billet125/taper_minus_3")).resolved_toml())
     return folder
 
 
-def test_the_wall_of_the_mould_is_drawn_round_the_modelled_part(tmp_path):
+def test_wall_is_drawn_round_the_modelled_part(tmp_path):
     with Fields(in_mould(tmp_path / "open")) as fields:
         wall = WallLine.of(fields, -1)
         known = np.isfinite(wall.start).all(axis=1)
@@ -319,7 +317,7 @@ def test_the_wall_of_the_mould_is_drawn_round_the_modelled_part(tmp_path):
         assert WallLine.of(fields, -1) is None  # the slice has left the mould
 
 
-def test_shapes_of_several_runs_are_magnified_alike(tmp_path):
+def test_shapes_of_several_runs_have_one_magnification(tmp_path):
     folders = [in_mould(tmp_path / "open"), in_mould(tmp_path / "early", last=5.0)]
     (folders[1] / "case.toml").unlink()
     found = draw_sections(read_runs(folders), str)["shape"]
@@ -338,7 +336,7 @@ def test_shapes_of_several_runs_are_magnified_alike(tmp_path):
 
 
 @pytest.mark.parametrize(("part", "closed"), [("quarter", False), ("half", False), ("whole", True)])
-def test_the_surface_is_one_line(tmp_path, part, closed):
+def test_surface_is_a_single_line(tmp_path, part, closed):
     write_strained(tmp_path, part=part)
     with Fields(tmp_path) as fields:
         outline = Outline.of(fields)

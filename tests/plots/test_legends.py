@@ -1,4 +1,4 @@
-"""Legends stand within their panel and hide no curve; what the figures draw of new columns."""
+"""Legends are within their panel and hide no curve; figures of new columns."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CURVES = {
 
 @pytest.mark.parametrize("label", ["corner", LONG])
 @pytest.mark.parametrize("name", CURVES)
-def test_a_legend_hides_no_curve(name: str, label: str) -> None:
+def test_legend_hides_no_curve(name: str, label: str) -> None:
     figure, (panel,) = new_panels(1, 2.0)
     for number, y in enumerate(CURVES[name]):
         panel.plot(X, y, label=f"{label} {number}")
@@ -63,7 +63,7 @@ def _table(columns: dict[str, tuple[str, np.ndarray]]) -> pandas.DataFrame:
     return table
 
 
-def test_the_band_of_the_cells_is_that_of_the_solidus_alone() -> None:
+def test_band_of_the_cells_is_only_that_of_the_solidus() -> None:
     columns = {
         "shell_corner": ("mm", 40.0 * X),
         "liquidus_depth_corner": ("mm", 60.0 * X),
@@ -80,7 +80,7 @@ def test_the_band_of_the_cells_is_that_of_the_solidus_alone() -> None:
     assert figure is not None and not figure.axes[0].collections
 
 
-def test_friction_is_drawn_of_the_whole_strand_and_pressure_as_a_mean() -> None:
+def test_friction_of_the_strand_and_mean_pressure_are_drawn() -> None:
     columns = {
         "contact_pressure_corner": ("MPa", X),
         "mean_contact_pressure_max": ("MPa", 2.0 * X),
@@ -107,7 +107,7 @@ def test_friction_is_drawn_of_the_whole_strand_and_pressure_as_a_mean() -> None:
     assert "modelled part" in friction.get_ylabel()
 
 
-# Figures are castfem's own: no display and no matplotlibrc of the user reaches them
+# Figures are castfem's own: independent of display and matplotlibrc of the user
 
 
 USERS = "text.usetex: True\naxes.facecolor: red\nfont.size: 30\naxes.spines.top: False\n"
@@ -118,14 +118,14 @@ DRAW = (
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a run without figures."""
+    """Return the folder of a run without figures."""
     path = tmp_path_factory.mktemp("run")
     loop.run(small(), path, comm=MPI.COMM_SELF)
     return path
 
 
 def drawn(folder: Path, copy: Path, **environment: str) -> dict[str, np.ndarray]:
-    """The figures of a run as another process draws them."""
+    """Return the figures of a run, drawn by another process."""
     shutil.copytree(folder, copy)
     subprocess.run(
         [sys.executable, "-c", DRAW, str(copy)], env={**os.environ, **environment}, check=True
@@ -135,9 +135,7 @@ def drawn(folder: Path, copy: Path, **environment: str) -> dict[str, np.ndarray]
     return found
 
 
-def test_neither_display_nor_settings_of_the_user_change_a_figure(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_display_and_user_settings_change_no_figure(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "matplotlibrc").write_text(USERS)
     usual = drawn(folder, tmp_path / "usual")
     found = drawn(
@@ -152,7 +150,7 @@ def test_neither_display_nor_settings_of_the_user_change_a_figure(
 
 
 def mesh_of_a_round(folder: Path, **environment: str) -> np.ndarray:
-    """The picture of a mesh, as another process draws it."""
+    """Return the picture of a mesh, drawn by another process."""
     path = folder / "mesh.png"
     words = ["-m", "castfem.cli", "mesh", "copper200/round", "-o", str(path)]
     subprocess.run([sys.executable, *words], env={**os.environ, **environment}, check=True)
@@ -165,7 +163,7 @@ def usual_mesh(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
 
 
 @pytest.mark.parametrize("display", ["module://not_in_this_python", "no display"])
-def test_a_command_draws_without_a_display(
+def test_command_draws_without_a_display(
     tmp_path: Path, display: str, usual_mesh: np.ndarray
 ) -> None:
     (tmp_path / "matplotlibrc").write_text(USERS)
@@ -173,7 +171,7 @@ def test_a_command_draws_without_a_display(
     assert np.array_equal(usual_mesh, mesh_of_a_round(tmp_path, **users))
 
 
-def test_the_settings_of_the_user_are_back_afterwards() -> None:
+def test_user_settings_are_restored() -> None:
     import matplotlib
 
     with matplotlib.rc_context({"font.size": 30.0, "text.usetex": True}):
@@ -190,7 +188,7 @@ def test_the_settings_of_the_user_are_back_afterwards() -> None:
         assert axes.xaxis.label.get_fontsize() == 9.5 and not axes.title.get_usetex()
 
 
-def test_a_figure_that_fails_costs_a_warning_and_not_the_others(
+def test_failing_figure_gives_only_a_warning(
     folder: Path, monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture
 ) -> None:
     def fails(*_: object) -> None:
@@ -203,7 +201,7 @@ def test_a_figure_that_fails_costs_a_warning_and_not_the_others(
     assert told.messages == ["shell.png could not be drawn (RuntimeError: no glyph)"]
 
 
-def test_a_disk_that_is_full_is_still_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_still_reported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise RunFailure("figures/x.png: cannot be written")
 

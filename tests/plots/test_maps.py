@@ -1,4 +1,4 @@
-"""Figures of a strand in its machine: maps, the caster, what bending does."""
+"""Figures of a strand in its machine: maps, the caster, effects of bending."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from castfem.runs.output.surface_maps import Heading, MapWriter, SurfaceMaps
 @pytest.mark.parametrize(
     ("celsius", "colour"), [(700.0, 2), (780.0, 2), (990.0, 1), (1200.0, 1), (1400.0, 1)]
 )
-def test_blue_below_the_band_and_green_above(celsius: float, colour: int) -> None:
+def test_colours_are_blue_below_and_green_above_the_band(celsius: float, colour: int) -> None:
     rgb = temperature_colours()(band_norm(650.0, 1450.0, (800.0, 950.0))(celsius))[:3]
     assert int(np.argmax(rgb)) == colour
 
 
-def test_a_band_beyond_all_temperatures_keeps_its_third() -> None:
+def test_band_outside_all_temperatures_keeps_its_third() -> None:
     norm = band_norm(500.0, 600.0, (800.0, 950.0))
     assert float(norm(800.0)) == pytest.approx(1.0 / 3.0)
     assert float(norm(950.0)) == pytest.approx(2.0 / 3.0)
 
 
 def test_every_value_is_drawn_at_its_place(tmp_path: Path) -> None:
-    """Down the strand to the right, from the extrados below to the intrados above."""
+    """Down the strand to the right, from the extrados at the bottom to the intrados at the top."""
     line = write_maps(tmp_path)
     maps = SurfaceMaps(tmp_path)
     with look():
@@ -62,7 +62,7 @@ def test_every_value_is_drawn_at_its_place(tmp_path: Path) -> None:
     assert {"bending", "straightening"} <= {text.get_text() for text in figure.axes[0].texts}
 
 
-def test_show_draws_them_and_castfem_takes_them_away_again(tmp_path: Path) -> None:
+def test_figures_are_drawn_and_removed_by_a_new_run(tmp_path: Path) -> None:
     with OutputFolder(tmp_path) as folder:
         folder.begin("x = 1\n")
         write_maps(tmp_path)
@@ -76,7 +76,7 @@ def test_show_draws_them_and_castfem_takes_them_away_again(tmp_path: Path) -> No
         }  # fmt: skip
 
 
-# The picture of the strand in its caster: what faces the eye, no peak lost, every roll drawn
+# The picture of the strand in its caster: visible faces, all peaks, every roll
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def maps(tmp_path: Path) -> SurfaceMaps:
 
 @pytest.mark.parametrize("every", [1, 7])
 def test_no_peak_is_lost_between_rows(maps: SurfaceMaps, every: int) -> None:
-    """The peak of the intrados is seen, with rows that leave it out, too; no extrados is."""
+    """The peak of the intrados is visible, also with rows that omit it; no extrados is."""
     rows = np.append(np.arange(0, len(maps.time) - 1, every), len(maps.time) - 1)
     view = view_of(maps, Side(rolls(), THICK, 3.0), rows)
     values = maps["I1"]
@@ -98,14 +98,14 @@ def test_no_peak_is_lost_between_rows(maps: SurfaceMaps, every: int) -> None:
     assert view.half == pytest.approx(0.5 * WIDE)
 
 
-def test_what_faces_the_eye_is_drawn(maps: SurfaceMaps) -> None:
+def test_visible_faces_are_drawn(maps: SurfaceMaps) -> None:
     """Both halves of the intrados, one narrow face of the two."""
     rows = np.arange(0, len(maps.time), 4)
     view = view_of(maps, Side(rolls(), THICK, 3.0), rows)
     line = maps.heading.line
     for face, times in (("intrados", 2), ("narrow face", 1)):
         segments = np.flatnonzero(line.face == line.faces.index(face))
-        # The corners count to the wide faces; a piece lies on a face if it has a vertex inside.
+        # The corners belong to the wide faces; a piece is on a face if it has a vertex inside.
         drawn = np.isin(view.vertices, segments[line.corner[segments] > 0.0]).any(axis=1)
         inside = np.count_nonzero(line.corner[segments] > 0.0)
         pieces = inside + 1 if face == "narrow face" else inside
@@ -125,7 +125,7 @@ def test_every_roll_is_drawn(maps: SurfaceMaps) -> None:
     assert shades[0].get_clim() == pytest.approx((0.0, 30.0))
 
 
-def test_the_worst_place_is_named_where_it_may_be_out_of_sight(maps: SurfaceMaps) -> None:
+def test_largest_value_is_named_with_its_place(maps: SurfaceMaps) -> None:
     with look():
         figure = draw_caster(maps)
         assert figure is not None and "I1" in maps.names()
@@ -141,8 +141,8 @@ def test_the_worst_place_is_named_where_it_may_be_out_of_sight(maps: SurfaceMaps
     assert float(number) * factor == pytest.approx(maps.position[row], rel=1e-3)
 
 
-def test_rolls_are_numbered_and_those_with_a_defect_are_red(maps: SurfaceMaps) -> None:
-    """A lost pair is not drawn, its number is."""
+def test_rolls_are_numbered_and_defects_are_red(maps: SurfaceMaps) -> None:
+    """A lost pair is not drawn, but its number is."""
     count, pairs = len(rolls().pairs), list(rolls().pairs)
     pairs[1], pairs[2] = replace(pairs[1], lost=True), replace(pairs[2], locked=True)
     with look():
@@ -155,19 +155,19 @@ def test_rolls_are_numbered_and_those_with_a_defect_are_red(maps: SurfaceMaps) -
     assert paths.count(count - 1) == 2 and 2 in paths  # bodies of each face; the two red ends
 
 
-def test_a_strand_without_rolls_has_no_picture(tmp_path: Path, maps: SurfaceMaps) -> None:
-    there = maps.heading
-    with MapWriter(tmp_path, Heading(there.line, there.maps, there.band)) as writer:
+def test_strand_without_rolls_has_no_picture(tmp_path: Path, maps: SurfaceMaps) -> None:
+    head = maps.heading
+    with MapWriter(tmp_path, Heading(head.line, head.maps, head.band)) as writer:
         for i in range(3):
-            writer.append(float(i), float(i), np.zeros((len(there.maps), len(there.line.nodes))))
+            writer.append(float(i), float(i), np.zeros((len(head.maps), len(head.line.nodes))))
     assert draw_caster(SurfaceMaps(tmp_path)) is None
 
 
-# Figures of a strand in its rolls: thicknesses, neutral axis within its faces, stress; bulges
+# Figures of a strand in its rolls: thickness, neutral axis between its faces, stress, bulges
 
 
 def history() -> pandas.DataFrame:
-    """A strand that is bent from 1 to 2 m, its neutral axis 20 mm towards the intrados."""
+    """Return a strand bent from 1 to 2 m, its neutral axis 20 mm towards the intrados."""
     position = np.linspace(0.0, 4.0, 41)
     k = 0.1 * np.clip(position - 1.0, 0.0, 1.0)
     table = pandas.DataFrame({"time": 50.0 * position, "position": position})
@@ -180,7 +180,7 @@ def history() -> pandas.DataFrame:
     return table
 
 
-def test_the_slice_is_drawn_over_the_strand() -> None:
+def test_slice_is_drawn_over_the_strand() -> None:
     table = history()
     abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
     with look():
@@ -204,7 +204,7 @@ def defects(folder: Path) -> tuple[tuple[float, str], ...]:
 
 
 def test_rolls_with_a_defect_are_marked(tmp_path: Path) -> None:
-    """Those of the run's case, on the way that is drawn."""
+    """Those of the run's case, within the drawn length."""
     case = load("slab1200/locked_48_52")
     (tmp_path / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
     found = defects(tmp_path)
@@ -224,7 +224,7 @@ def test_rolls_with_a_defect_are_marked(tmp_path: Path) -> None:
     assert [text.get_text() for text in marked.axes[2].texts] == ["#7 lost"]
 
 
-def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
+def test_bulges_are_drawn_with_the_roll_forces() -> None:
     table = history()
     for name, most in (("intrados", 0.1), ("extrados", 0.08), ("pitch", 0.12)):
         table[f"bulge_{name}"] = most * np.sin(table["position"]) ** 2
@@ -236,20 +236,20 @@ def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
         assert draw_bulging(history(), abscissa, None) is None
     bulge, force = figure.axes[:2]
     drawn = {line.get_label(): line.get_ydata() for line in bulge.get_lines()}
-    # A curve through few places of a pitch misses its largest bulge: the legend says what it is.
+    # A curve through few places of a pitch misses its largest bulge: the legend says so.
     assert drawn["intrados, once a window"] == pytest.approx(table["bulge_intrados"])
     assert drawn["largest of the pitch"] == pytest.approx(table["bulge_pitch"])
     assert force.get_lines()[0].get_ydata() == pytest.approx(table["roll_force"])
     assert (bulge.get_ylabel(), force.get_ylabel()) == ("bulge [mm]", "force on a roll [kN/m]")
 
 
-def test_every_figure_goes_with_the_run_it_is_of() -> None:
-    """A run that replaces another removes what it knows of, by name."""
+def test_every_figure_is_removed_with_its_run() -> None:
+    """A run that replaces another removes its known files by name."""
     assert set(figures.FIGURES) == set(ALL_FIGURES)
     assert all(figure.title for figure in figures.FIGURES.values())
 
 
-def test_it_is_drawn_of_a_run_below_its_mould(tmp_path: Path) -> None:
+def test_roll_to_roll_figure_needs_rolls(tmp_path: Path) -> None:
     short = rolled(casting__length="0.2 m")
     run(short, tmp_path / "short")
     assert "roll_to_roll.png" not in [path.name for path in draw_figures(tmp_path / "short")]
@@ -261,7 +261,7 @@ def test_it_is_drawn_of_a_run_below_its_mould(tmp_path: Path) -> None:
     assert "roll_to_roll.png" not in [path.name for path in draw_figures(tmp_path / "bare")]
 
 
-def test_a_face_is_shown_what_it_meets() -> None:
+def test_zones_of_a_face_are_shown() -> None:
     case = rolled(secondary=secondary(circuit=[circuit(on=["wide_face_intrados"])]))
     met = faces_met(case, case.machine.pairs(), 0.65)
     kinds = {name: [stretch.kind for stretch in found] for name, found in met.items()}

@@ -19,7 +19,7 @@ STEEL = Steel(SOLIDUS, LIQUIDUS)
 
 
 @pytest.mark.parametrize(("part", "views"), [("quarter", 2), ("half", 2), ("whole", 1)])
-def test_the_stack_shows_outside_and_core_in_temperature_and_stress(tmp_path, part, views):
+def test_stack_shows_surface_and_core(tmp_path, part, views):
     write_strained(tmp_path, part=part, cell="triangle", order=2)
     with Fields(tmp_path) as fields:
         figure = draw_stack(fields, STEEL)
@@ -44,8 +44,8 @@ def test_pictures_of_the_stack_have_one_scale(strained_run):
         assert tops == pytest.approx(scales)
 
 
-def test_colours_of_the_stack_run_into_one_another(strained_run, tmp_path):
-    """A palette would leave bands: of a scale each pixel along it has a colour of its own."""
+def test_colours_of_the_stack_are_continuous(strained_run, tmp_path):
+    """A palette would give bands: each pixel along a scale has its own colour."""
     with Fields(strained_run) as fields, look():
         figure = draw_stack(fields, STEEL)
         scale = next(axes for axes in figure.axes if "temperature" in axes.get_xlabel())
@@ -56,7 +56,7 @@ def test_colours_of_the_stack_run_into_one_another(strained_run, tmp_path):
     assert depth == 3 and len(np.unique(line, axis=0)) > 200
 
 
-def test_rows_of_the_stack_lie_straight_between_its_slices(strained_run):
+def test_rows_of_the_stack_are_linear_between_slices(strained_run):
     with Fields(strained_run) as fields:
         stack = Stack.of(fields, STEEL)
         assert stack.factor == 2.0
@@ -75,7 +75,7 @@ def test_rows_of_the_stack_lie_straight_between_its_slices(strained_run):
         assert stack.strongest == pytest.approx(2e6)
 
 
-def test_only_walls_that_face_the_eye_are_drawn(strained_run):
+def test_only_visible_walls_are_drawn(strained_run):
     with Fields(strained_run) as fields:
         stack = Stack.of(fields, STEEL)
         outside, inside = View.of(stack, 50.0), View.of(stack, 230.0)
@@ -86,10 +86,10 @@ def test_only_walls_that_face_the_eye_are_drawn(strained_run):
             twice = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (
                 y[:, 1] - y[:, 0]
             )
-            assert (np.sign(twice) == np.sign(twice[0])).all()  # no wall is seen from behind
+            assert (np.sign(twice) == np.sign(twice[0])).all()  # no wall is seen from its back
 
 
-def test_a_strip_and_a_slice_that_stands_still_are_no_strand(tmp_path):
+def test_strip_and_slice_at_rest_have_no_stack(tmp_path):
     points, cells = rectangle(40, 1, 0.06, 1e-3, "quadrilateral", 1)
     fall = {"strip": 0.06, "still": 0.0}
     for name, speed in fall.items():

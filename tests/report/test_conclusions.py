@@ -23,8 +23,8 @@ from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary_file import Summary
 
 
-def test_a_place_between_the_probes_that_is_thinner_comes_first(tmp_path: Path) -> None:
-    """The page and what there is to look at name one thinnest shell, not two."""
+def test_thinner_place_between_the_probes_comes_first(tmp_path: Path) -> None:
+    """The page and the remarks name one thinnest shell, not two."""
     folder = write_run(tmp_path / "run")
     least = Quantity(8e-3, "mm", "thinnest shell of the probes, mould exit")
     found = replace(summary(), quantities={**summary().quantities, "shell_least": least})
@@ -38,16 +38,16 @@ def test_a_place_between_the_probes_that_is_thinner_comes_first(tmp_path: Path) 
         assert text.startswith(wanted)
 
 
-def test_machine_time_and_data_from_memory_stand_at_the_end(tmp_path: Path) -> None:
+def test_times_and_data_from_memory_are_at_the_end(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
-    told = replace(summary(), unchecked=("density: somebody",))
-    write_json(folder / "summary.json", told.to_json())
+    changed = replace(summary(), unchecked=("density: somebody",))
+    write_json(folder / "summary.json", changed.to_json())
     page = write([folder], tmp_path / "page.html").read_text()
     assert page.index("density: somebody") > page.index('id="provenance"')
 
 
 def slab(folder: Path, position: np.ndarray) -> None:
-    """A run of the slab with surface temperatures that fall from 1000 to 700 degC at 18 m."""
+    """Write a run of the slab: surface temperatures fall from 1000 to 700 degC at 18 m."""
     (folder / CASE_NAME).write_text(load("slab1200/slab").resolved_toml())
     kelvin = 1000.0 - 300.0 * position / 18.0
     pandas.DataFrame(
@@ -60,23 +60,23 @@ def slab(folder: Path, position: np.ndarray) -> None:
     ).to_csv(folder / HISTORY_NAME, index=False)
 
 
-def test_the_surface_where_the_strand_is_straightened(tmp_path: Path) -> None:
+def test_surface_temperature_in_straightening(tmp_path: Path) -> None:
     slab(tmp_path, np.linspace(0.5, 18.0, 200))
     found = dict(conclusions(tmp_path, Summary("slab", "finished", {})))
-    told = found["surface temperature in straightening"]
+    text = found["surface temperature in straightening"]
     low, high = (1000.0 - 300.0 * z / 18.0 for z in (16.832, 14.272))
-    assert f"mid-face intrados {low:.0f} °C to {high:.0f} °C" in told.replace("degC", "°C")
-    assert told.count("low-ductility band") == 0  # 719 to 762 and 319 to 362: below 800 to 950
-    assert told.endswith("between 14.27 and 16.83 m")
+    assert f"mid-face intrados {low:.0f} °C to {high:.0f} °C" in text.replace("degC", "°C")
+    assert text.count("low-ductility band") == 0  # 719 to 762 and 319 to 362: below 800 to 950
+    assert text.endswith("between 14.27 and 16.83 m")
     slab(tmp_path, np.linspace(0.5, 10.0, 200))
     assert "surface temperature in straightening" not in dict(
         conclusions(tmp_path, Summary("slab", "finished", {}))
     )
 
 
-@pytest.mark.parametrize(("scale", "told"), [(1.0, "1.00 times"), (1.5, "1.50 times")])
-def test_the_worst_place_beside_the_machine_in_order(
-    tmp_path: Path, scale: float, told: str
+@pytest.mark.parametrize(("scale", "ratio"), [(1.0, "1.00 times"), (1.5, "1.50 times")])
+def test_worst_place_is_compared_with_a_machine_in_order(
+    tmp_path: Path, scale: float, ratio: str
 ) -> None:
     runs = {"order": 1.0, "off": scale}
     for name, factor in runs.items():
@@ -86,15 +86,15 @@ def test_the_worst_place_beside_the_machine_in_order(
     found = dict(conclusions(tmp_path / "off", empty, ("order", tmp_path / "order", empty)))
     worst = found["worst place by I1"]
     assert (
-        worst.startswith("intrados, corner, 2.12 m (roll 8)") and f"{told} that of order" in worst
+        worst.startswith("intrados, corner, 2.12 m (roll 8)") and f"{ratio} that of order" in worst
     )
     for name, other in (("misaligned_48", "the intact machine"), ("slab", "another machine or")):
         (tmp_path / "off" / CASE_NAME).write_text(load(f"slab1200/{name}").resolved_toml())
-        alone = dict(conclusions(tmp_path / "off", empty))["worst place by I1"]
-        assert f"no limit is known: compare with a run of {other}" in alone
+        single = dict(conclusions(tmp_path / "off", empty))["worst place by I1"]
+        assert f"no limit is known: compare with a run of {other}" in single
 
 
-def test_a_pool_that_has_not_ended_is_said(tmp_path: Path) -> None:
+def test_unfinished_pool_is_reported(tmp_path: Path) -> None:
     quantities = {
         "position": Quantity(5.0, "m", "position"),
         "metallurgical_length": Quantity(np.nan, "m", "metallurgical length"),
@@ -104,7 +104,7 @@ def test_a_pool_that_has_not_ended_is_said(tmp_path: Path) -> None:
     assert found["metallurgical length"].startswith("not reached: the run ends at 5")
 
 
-def test_the_section_is_shown_at_the_exit_of_the_mould_first(tmp_path: Path) -> None:
+def test_section_is_first_shown_at_the_mould_exit(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
     (found,) = sections([folder])
     assert found is not None and found.start == len(found.places) - 1  # it ends there

@@ -1,4 +1,4 @@
-"""What `castfem show` says of the surface: worst places and the next, reheat, end of the pool."""
+"""Output of `castfem show` on the surface: worst places and the next, reheat, end of the pool."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def report(tmp_path: Path) -> CrackReport:
     return CrackReport.of(SurfaceMaps(tmp_path))
 
 
-def test_the_worst_place_and_how_far_the_next_is(report: CrackReport) -> None:
+def test_worst_place_and_distance_of_the_next(report: CrackReport) -> None:
     first, second = report.maxima("I1")
     assert first.value == pytest.approx(30e6) and second.value == pytest.approx(24e6)
     assert (first.phase, first.face) == ("straightening", "intrados")
@@ -51,16 +51,16 @@ def test_the_worst_place_and_how_far_the_next_is(report: CrackReport) -> None:
     )
 
 
-def test_a_place_beside_a_worse_one_is_the_same(report: CrackReport) -> None:
-    """28 MPa on the narrow face 10 mm beside it, 29 MPa on the straight strand 75 mm below it."""
+def test_place_near_a_worse_one_is_the_same(report: CrackReport) -> None:
+    """28 MPa on the narrow face 10 mm from it, 29 MPa on the straight strand 75 mm below it."""
     places = [report.words(one) for one in report.maxima("I1")]
     assert not any("narrow" in place or "2.20 m" in place for place in places)
 
 
-def test_a_roll_that_is_off_does_not_hide_the_bender(
+def test_misaligned_roll_does_not_hide_the_bender(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The strand is bent in the bender, and 1.7 m below it by a roll that stands off."""
+    """The strand is bent in the bender, and 1.7 m below it by a misaligned roll."""
     write_maps(tmp_path, kink=26e6)
     report = CrackReport.of(SurfaceMaps(tmp_path))
     phases = ["arc" if 1.3 < z < 2.6 else "bending" for z in report.maps.position.tolist()]
@@ -70,7 +70,7 @@ def test_a_roll_that_is_off_does_not_hide_the_bender(
     assert [one.phase for one in found] == ["arc", "bending", "bending"]
 
 
-def test_places_in_words_and_that_there_are_none(tmp_path: Path) -> None:
+def test_places_are_described_or_reported_missing(tmp_path: Path) -> None:
     assert crack_places(tmp_path, None) is None
     for folder, scale in (("worst", 1.0), ("none", 0.0)):
         (tmp_path / folder).mkdir()
@@ -83,14 +83,14 @@ def test_places_in_words_and_that_there_are_none(tmp_path: Path) -> None:
     assert not list(none.worst) and "low ductility is between 800 and 950 degC" in none.nowhere
 
 
-def test_a_surface_never_in_the_band_is_told(tmp_path: Path) -> None:
+def test_surface_never_in_the_band_is_reported(tmp_path: Path) -> None:
     write_maps(tmp_path, scale=0.0, band=(573.15, 673.15))
     found = crack_places(tmp_path, None)
     assert "the surface was never between 300 and 400 degC" in found.nowhere
 
 
 @pytest.mark.parametrize("ended", [True, False])
-def test_a_pool_that_has_not_ended_is_told(ended: bool) -> None:
+def test_unfinished_pool_is_reported(ended: bool) -> None:
     found = {
         "position": Quantity(2.6, "m", "position"),
         "centre_solid_fraction": Quantity(0.0147, "-", "solid fraction, centre"),
@@ -98,17 +98,17 @@ def test_a_pool_that_has_not_ended_is_told(ended: bool) -> None:
     }
     if ended:
         found["pool_end_fs100"] = Quantity(2.5, "m", "solid fraction 1 on the centre line")
-    told = dict(pool_end(Summary("slab", "finished", found), Stations(rolls(), THICK, 0.3)))
-    assert ("end of the pool" in told) == (not ended)
+    printed_rows = dict(pool_end(Summary("slab", "finished", found), Stations(rolls(), THICK, 0.3)))
+    assert ("end of the pool" in printed_rows) == (not ended)
     if not ended:
-        assert told["end of the pool"] == (
+        assert printed_rows["end of the pool"] == (
             "not before the end of the run, 2.60 m: there the solid fraction is 0.015 on the "
             "centre line"
         )
 
 
-def test_of_equal_values_the_place_is_that_of_the_summary(tmp_path: Path) -> None:
-    """A face that is strained alike all over: the largest x, as `reductions.peak` has it."""
+def test_equal_values_have_the_place_of_the_summary(tmp_path: Path) -> None:
+    """A uniformly strained face: the largest x, as in `reductions.peak`."""
     line = write_maps(tmp_path, alike=2.5e-4)
     found = CrackReport.of(SurfaceMaps(tmp_path)).maxima("I2")[0]
     assert line.words(found.vertex) == "extrados, corner"
@@ -119,16 +119,16 @@ def test_of_equal_values_the_place_is_that_of_the_summary(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("forces", "told"),
+    ("forces", "place"),
     [
-        ((5.0, 8.0, 8.0, 3.0), "0.65 m (roll 2), vertical"),  # of the pitch below it
+        ((5.0, 8.0, 8.0, 3.0), "0.65 m (roll 2), vertical"),  # in the pitch below it
         ((5.0, 6.0, 7.0, 9.0), "1.15 m (roll 4), bending"),
         ((0.0, 0.0, 0.0, 0.0), ""),
         (None, ""),
     ],
 )
-def test_which_roll_carries_most(
-    tmp_path: Path, report: CrackReport, forces: tuple[float, ...] | None, told: str
+def test_roll_with_the_largest_force(
+    tmp_path: Path, report: CrackReport, forces: tuple[float, ...] | None, place: str
 ) -> None:
     header = "time [s],position [m]" + (",roll_force [kN/m]" if forces else "")
     places = (0.65, 0.8, 0.9, 1.2)  # at roll 2, between 2 and 3, at 3, below 4
@@ -138,12 +138,12 @@ def test_which_roll_carries_most(
     ]
     (tmp_path / HISTORY_NAME).write_text("\n".join([header, *lines, ""]))
     found = list(heaviest_roll(tmp_path, report.stations))
-    assert [where for _, where in found] == ([told] if told else [])
-    if told and forces:
+    assert [where for _, where in found] == ([place] if place else [])
+    if place and forces:
         assert found[0][0] == f"largest force on a roll, {max(forces):g} kN/m of width"
 
 
-def test_what_reheats(report: CrackReport) -> None:
+def test_largest_reheat(report: CrackReport) -> None:
     found = report.reheat()
     assert found.rise == pytest.approx(80.0, abs=0.01)
     ((what, where),) = report.reheats()
@@ -153,7 +153,7 @@ def test_what_reheats(report: CrackReport) -> None:
 
 
 @pytest.mark.parametrize(
-    ("position", "told"),
+    ("position", "words"),
     [
         (0.2, "0.20 m, mould"),
         (0.35, "0.35 m (roll 1), below the mould"),
@@ -162,22 +162,22 @@ def test_what_reheats(report: CrackReport) -> None:
         (1.15, "1.15 m (roll 4), bending"),
         (1.3, "1.30 m (roll 5), arc"),
         (2.0, "2.00 m (roll 7), straightening"),
-        (1.15 + 1e-12, "1.15 m (roll 4), bending"),  # a roll, but for rounding
+        (1.15 + 1e-12, "1.15 m (roll 4), bending"),  # a roll, up to rounding
         (2.5, "2.50 m (roll 9), straight"),
         (9.0, "9.00 m (roll 10), straight"),
     ],
 )
-def test_roll_and_phase_at_a_position(position: float, told: str) -> None:
-    assert Stations(rolls(), THICK, 0.3).words(position) == told
+def test_roll_and_phase_at_a_position(position: float, words: str) -> None:
+    assert Stations(rolls(), THICK, 0.3).words(position) == words
 
 
-def test_without_rolls_the_position_alone_is_told() -> None:
+def test_position_without_rolls() -> None:
     assert Stations(None, THICK, 0.3).words(0.31) == "0.31 m, below the mould"
     assert Stations().between(1.0, 2.0) == "1.00 to 2.00 m"
 
 
 @pytest.mark.parametrize("ended", [True, False])
-def test_show_prints_it_of_a_run_that_ended_and_of_one_at_work(tmp_path: Path, ended: bool) -> None:
+def test_show_prints_places_of_ended_and_active_runs(tmp_path: Path, ended: bool) -> None:
     with OutputFolder(tmp_path) as folder:
         folder.begin("title = 'x'\n")
         write_maps(tmp_path, ended=ended)
@@ -195,7 +195,7 @@ def test_show_prints_it_of_a_run_that_ended_and_of_one_at_work(tmp_path: Path, e
 
 
 def write(folder: Path, force: dict[int, float], bulge: dict[int, float]) -> Path:
-    """A run of the slab with a force [kN/m] and a bulge [mm] for each pitch; 100 and 0.1 else."""
+    """Write a run of the slab with force [kN/m] and bulge [mm] by pitch; 100 and 0.1 elsewhere."""
     case = load("slab1200/slab")
     rolls = case.machine.pairs()
     folder.mkdir()
@@ -203,7 +203,7 @@ def write(folder: Path, force: dict[int, float], bulge: dict[int, float]) -> Pat
     rows = ["time [s],position [m],roll_force [kN/m],bulge_pitch [mm]"]
     for number, pair in enumerate(rolls.pairs, start=1):
         before = rolls.pairs[number - 2].position if number > 1 else 0.5
-        for place in (0.5 * (before + pair.position), pair.position):  # of the pitch above it
+        for place in (0.5 * (before + pair.position), pair.position):  # in the pitch above it
             above = number - 1
             rows.append(f"{50 * place:.9g},{place:.9g},{force.get(above, 100.0)},"
                         f"{bulge.get(above, 0.1)}")  # fmt: skip
@@ -211,7 +211,7 @@ def write(folder: Path, force: dict[int, float], bulge: dict[int, float]) -> Pat
     return folder
 
 
-def test_the_largest_and_where(tmp_path: Path) -> None:
+def test_largest_loads_have_their_place(tmp_path: Path) -> None:
     folder = write(tmp_path / "run", {69: 273.0}, {33: 1.7})
     loads = RollLoads.of(folder)
     assert loads.largest("roll_force") == (69, 273.0)
@@ -223,18 +223,18 @@ def test_the_largest_and_where(tmp_path: Path) -> None:
     assert found["roll_force_largest"].value == pytest.approx(273e3)
 
 
-def test_the_roll_beside_the_one_that_is_off_is_named(tmp_path: Path) -> None:
-    """Though the largest force of both runs is at roll 69, and the same."""
+def test_roll_next_to_the_misaligned_one_is_named(tmp_path: Path) -> None:
+    """Although the largest force of both runs is at roll 69, and equal."""
     one = write(tmp_path / "order", {69: 273.0, 33: 177.0}, {33: 0.3})
     other = write(tmp_path / "off", {69: 273.0, 33: 251.0}, {33: 0.8})
     runs = [Run(path, path.name, Summary("slab", "finished", {})) for path in (one, other)]
-    told = [line for line in remarks(runs, runs[0], []) if line.startswith("from order to off")]
-    assert len(told) == 2
-    assert "force on roll 33, a metre of width: 177 kN/m -> 251 kN/m, at" in told[0]
-    assert "bulge below roll 33: 0.3 mm -> 0.8 mm, at" in told[1]
+    messages = [line for line in remarks(runs, runs[0], []) if line.startswith("from order to off")]
+    assert len(messages) == 2
+    assert "force on roll 33, a metre of width: 177 kN/m -> 251 kN/m, at" in messages[0]
+    assert "bulge below roll 33: 0.3 mm -> 0.8 mm, at" in messages[1]
     assert not [line for line in remarks(runs[:1] * 2, runs[0], []) if line.startswith("from ")]
 
 
-def test_a_run_without_rolls_has_none(tmp_path: Path) -> None:
+def test_run_without_rolls_has_no_loads(tmp_path: Path) -> None:
     (tmp_path / CASE_NAME).write_text(load("billet125/taper_1").resolved_toml())
     assert RollLoads.of(tmp_path) is None

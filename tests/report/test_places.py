@@ -1,4 +1,4 @@
-"""Results at places of the strand, and in the units that are shown."""
+"""Results at places of the strand, and in the displayed units."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_positions_are_read_with_their_unit() -> None:
     assert "; a length is needed, such as" in caught.value.problems[1]
 
 
-def test_between_two_rows_by_straight_lines(finished_run: Path) -> None:
+def test_rows_are_interpolated_linearly(finished_run: Path) -> None:
     table = read_history(finished_run / "history.csv")
     at = 0.3137
     found = quantities_at(table, at, finished_run)
@@ -60,8 +60,8 @@ def test_between_two_rows_by_straight_lines(finished_run: Path) -> None:
     assert exact["heat_removed"].value == pytest.approx(row["heat_removed"], rel=1e-12)
 
 
-def test_an_error_of_the_end_stands_where_the_end_is_asked_for(finished_run: Path) -> None:
-    """A mould that ends with the run has no place of its own on the way."""
+def test_error_at_the_end_applies_at_the_end(finished_run: Path) -> None:
+    """A mould that ends with the run has no place of its own."""
     found = summary()
     end = 0.6
     position = Quantity(end, "m", "position")
@@ -73,7 +73,7 @@ def test_an_error_of_the_end_stands_where_the_end_is_asked_for(finished_run: Pat
     assert at["shell_mid_face"].error == 2e-4
 
 
-def test_python_asks_for_a_place(finished_run: Path) -> None:
+def test_python_evaluates_a_place(finished_run: Path) -> None:
     result = Result(finished_run)
     assert result.at("300 mm") == result.at(0.3)
     assert result.at("300 mm")["position"] == pytest.approx(0.3)
@@ -83,7 +83,7 @@ def test_python_asks_for_a_place(finished_run: Path) -> None:
         result.at("20 m")
 
 
-def test_show_prints_the_places_that_are_asked_for(finished_run: Path) -> None:
+def test_show_prints_requested_places(finished_run: Path) -> None:
     text = printed(finished_run, WIDTH, figures=False, at=[0.2, 0.4])
     assert "200 mm" in text and "400 mm" in text and "Balance" not in text
     assert max(map(len, text.splitlines())) <= WIDTH
@@ -94,7 +94,7 @@ def test_show_prints_the_places_that_are_asked_for(finished_run: Path) -> None:
 
 
 def zoned(tmp_path: Path) -> Path:
-    """A run that passes the end of its mould and of a zone."""
+    """Write a run that passes the end of its mould and of a zone."""
     write_run(tmp_path)
     folder = OutputFolder(tmp_path)
     summary = Summary.load(tmp_path)
@@ -105,7 +105,7 @@ def zoned(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_table_along_the_strand(tmp_path: Path) -> None:
+def test_table_along_the_strand(tmp_path: Path) -> None:
     text = printed(zoned(tmp_path), WIDTH, figures=False)
     table = text[text.index("Along the strand") : text.index("Remarks")]
     head = table.splitlines()[1:5]
@@ -116,7 +116,7 @@ def test_a_table_along_the_strand(tmp_path: Path) -> None:
     assert max(map(len, table.splitlines())) <= WIDTH
 
 
-def test_no_table_without_places_on_the_way(finished_run: Path) -> None:
+def test_no_table_without_places(finished_run: Path) -> None:
     assert "Along the strand" not in printed(finished_run, WIDTH, figures=False)
 
 
@@ -130,7 +130,7 @@ def test_compare_at_a_place(finished_run: Path, tmp_path: Path) -> None:
     assert shell.ours == pytest.approx([1e3 * expected] * 2)
 
 
-# Units of the plant, SI or one's own: tables, figures and report follow, files do not
+# Units of the plant, SI or chosen ones: tables, figures and report follow, files do not
 
 
 OWN = ShownUnits.read({"temperature": "degF", "length": "inch", "shell": "cm", "shell_corner": "m"})
@@ -163,7 +163,7 @@ def test_si(usual: str, value: float, si: float, unit: str) -> None:
     assert scale.back(scale(value)) == pytest.approx(value, rel=1e-14)
 
 
-def test_the_name_goes_before_what_it_measures_and_the_longer_before_the_shorter() -> None:
+def test_name_precedes_dimension_and_long_precedes_short() -> None:
     with shown_in(OWN):
         assert scale_of("mm", "shell_mid_face")(10.0) == pytest.approx(1.0)
         assert scale_of("mm", "shell_corner")(10.0) == pytest.approx(0.01)
@@ -173,12 +173,12 @@ def test_the_name_goes_before_what_it_measures_and_the_longer_before_the_shorter
         assert difference(10.0) == pytest.approx(18.0)  # no offset
         assert plain_unit(difference.unit) == "°F"
         assert scale_of("MPa").unit == "MPa"
-        with shown_in(ShownUnits("si")):  # who was asked first has chosen
+        with shown_in(ShownUnits("si")):  # the outer choice is kept
             assert said(100.0, "degC", ".1f") == "212 °F"
     assert said(100.0, "degC", ".1f") == "100.0 °C"
 
 
-def test_every_quantity_has_a_si_unit_and_a_name_that_may_be_chosen() -> None:
+def test_every_quantity_has_a_si_unit_and_a_name() -> None:
     for definition in declared():
         unit = definition.shown or definition.unit
         assert documented(plain_unit(unit)) == unit
@@ -189,7 +189,7 @@ def test_every_quantity_has_a_si_unit_and_a_name_that_may_be_chosen() -> None:
             assert scale_of(unit, definition.name).unit == coherent(unit)
 
 
-def test_the_table_of_a_run(folder: Path) -> None:
+def test_table_of_a_run(folder: Path) -> None:
     plant = printed(folder, figures=False)
     with shown_in(ShownUnits("si")):
         si = printed(folder, figures=False)
@@ -201,13 +201,13 @@ def test_the_table_of_a_run(folder: Path) -> None:
     assert row(si, "shell, mid-face")[1] == "m"
     assert float(row(own, "shell, mid-face")[0]) == pytest.approx(1e2 * mid_face, rel=1e-3)
     assert row(own, "solidus") == ["2645.6", "°F"]
-    # a difference of temperatures has no zero to lose
+    # a temperature difference has no zero offset
     kelvin, fahrenheit = (row(text, "surface, mid-face")[3] for text in (plant, own))
     assert float(fahrenheit.split()[0]) == pytest.approx(1.8 * float(kelvin.split()[0]), abs=0.1)
     assert fahrenheit.endswith("°F")
 
 
-def test_the_case_of_a_run_chooses_and_the_command_line_goes_before(folder: Path, tmp_path, capsys):
+def test_command_line_precedes_the_units_of_the_case(folder: Path, tmp_path, capsys):
     run = shutil.copytree(folder, tmp_path / "run")
     (run / "case.toml").write_text('[output]\nunits = "si"\n', encoding="utf-8")
     before = {name: (run / name).read_bytes() for name in ("history.csv", "summary.json")}
@@ -217,7 +217,7 @@ def test_the_case_of_a_run_chooses_and_the_command_line_goes_before(folder: Path
     assert before == {name: (run / name).read_bytes() for name in before}
 
 
-def test_figures_are_drawn_alike_and_numbered_otherwise() -> None:
+def test_figures_keep_their_limits_in_other_units() -> None:
     figure = new_figure(4.0, 3.0)
     axes = figure.subplots()
     axes.plot([0.0, 600.0], [0.0, 25.4])
@@ -237,7 +237,7 @@ def test_figures_are_drawn_alike_and_numbered_otherwise() -> None:
 
 
 def test_sections_side_by_side_have_one_unit() -> None:
-    """Also those that have no label of their own."""
+    """Also those without an own label."""
     square = np.array([[0.0, 0.0], [62.5, 62.5]])
     figure, axes = places([square] * 6, "sections", bar=False)
     with shown_in(OWN):
@@ -252,7 +252,7 @@ def test_sections_side_by_side_have_one_unit() -> None:
     assert [bool(one.yaxis.label.get_visible()) for one in axes] == [True, False, False] * 2
 
 
-def test_report_and_figures_of_a_run(folder: Path, tmp_path: Path) -> None:
+def test_report_and_figures_have_chosen_units(folder: Path, tmp_path: Path) -> None:
     run = shutil.copytree(folder, tmp_path / "run")
     with shown_in(OWN):
         text = write([run], tmp_path / "report.html").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Remarks on a run: contact lost, thin shells, hot spots."""
+"""Remarks on a run: lost contact, thin shells, hot spots."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from castfem.runs.results.headline import OPEN, Spell, spells
 from castfem.runs.results.numbers import finely
 
 
-def test_spells_without_contact_are_found_between_the_rows():
+def test_spells_without_contact_are_interpolated():
     z = np.linspace(0.0, 1.0, 11)
     gap = np.array([0, 0, 2e-3, 5e-3, 0, 0, 0, 4e-3, np.nan, 5e-3, 6e-3])
     first, second = spells(gap, z, OPEN)
@@ -29,12 +29,12 @@ def test_spells_without_contact_are_found_between_the_rows():
 
 
 def of(found, what):
-    """The remark on something."""
+    """Return the remark on a subject."""
     (remark,) = [remark for remark in found if remark.what == what]
     return remark
 
 
-def test_remarks_name_what_is_worth_a_look(table):
+def test_remarks_name_extremes(table):
     found = remarks(table, summary())
     lost = of(found, "largest gap, corner")
     assert "lost at 120 mm, t = 2 s, regained at 360 mm" in lost.where
@@ -58,7 +58,7 @@ def test_remarks_name_what_is_worth_a_look(table):
     assert of(found, "largest von Mises stress").value == pytest.approx(12.0)
 
 
-def test_the_mould_ends_where_the_summary_says_and_reheating_is_named(table):
+def test_mould_end_and_reheating_are_named(table):
     zones = (Zone("mould", 0.0, 0.3), Zone("spray", 0.3, 2.0))
     units = table.attrs["units"]
     late = table["position"] > 0.4
@@ -82,7 +82,7 @@ def test_the_mould_ends_where_the_summary_says_and_reheating_is_named(table):
     assert of(found, "thinnest shell of the probes").where.endswith("end of the run at 600 mm")
 
 
-def test_no_shell_is_said_and_full_contact_is_not_named(table):
+def test_missing_shell_is_named_and_full_contact_is_not(table):
     units = table.attrs["units"]
     table["shell_corner"] = 0.0
     table["contact_share"] = 100.0
@@ -93,7 +93,7 @@ def test_no_shell_is_said_and_full_contact_is_not_named(table):
     assert not [r for r in found if r.what == "least contact"]
 
 
-def test_windows_that_have_not_converged_are_named(table):
+def test_windows_not_converged_are_named(table):
     what = "coupling windows not converged"
     steps = {"coupling windows": 396.0, what: 63.0}
     found = of(remarks(table, Summary("x", "finished", steps=steps)), what)
@@ -111,7 +111,7 @@ def test_shares_of_older_runs_are_fractions(table):
     assert (old.value, old.where) == (pytest.approx(new.value), new.where)
 
 
-def test_the_highest_pressure_is_a_mean_where_there_is_one(table):
+def test_highest_pressure_is_a_mean_if_there_is_one(table):
     table["mean_contact_pressure_max"] = 0.5 * table["contact_pressure_max"]
     table.attrs["units"]["mean_contact_pressure_max"] = "MPa"
     found = of(remarks(table, summary()), "highest contact pressure, mean over 5 mm")
@@ -119,20 +119,20 @@ def test_the_highest_pressure_is_a_mean_where_there_is_one(table):
     assert found.where == "at 600 mm, t = 10 s; corner: 0.12 MPa"
 
 
-def test_cells_too_large_for_the_shell_are_named(table):
-    """A sixth of the cell is what the curve is off by; little of it is not told."""
+def test_too_large_cells_are_named(table):
+    """The curve is off by a sixth of the cell; a small error is not named."""
     assert not [r for r in remarks(table, summary()) if r.what.startswith("resolution")]
-    for size, told in ((1.0, False), (4.2, True)):
+    for size, named in ((1.0, False), (4.2, True)):
         table["solidus_cell_corner"] = np.where(table["position"] < 0.1, np.nan, size)
         table.attrs["units"]["solidus_cell_corner"] = "mm"
         found = [r for r in remarks(table, summary()) if r.what.startswith("resolution")]
-        assert bool(found) == told
+        assert bool(found) == named
     assert (found[0].value, found[0].unit) == (pytest.approx(0.7), "mm")
     assert "corner, at " in found[0].where and "cells of 4.2 mm" in found[0].where
 
 
-def test_a_shell_that_is_none_at_the_exit_has_no_resolution(table):
-    """A corner that remelts has no cell of the solidus: its depth of 0 is printed all the same."""
+def test_missing_shell_at_the_exit_has_no_resolution(table):
+    """A remelted corner has no cell of the solidus: its depth of 0 is printed nevertheless."""
     table["solidus_cell_corner"] = np.where(table["position"] < 0.4, 1.0, np.nan)
     table["shell_corner"] = np.where(table["position"] < 0.4, 1.0, 0.0)
     table.attrs["units"]["solidus_cell_corner"] = "mm"
@@ -141,7 +141,7 @@ def test_a_shell_that_is_none_at_the_exit_has_no_resolution(table):
     assert finely(found.value, found.unit, found.name, found.resolution) == "0.000 mm"
 
 
-def test_a_gap_without_a_wall_is_no_gap(table):
+def test_gap_without_a_wall_is_no_gap(table):
     units = table.attrs["units"]
     beyond = table["position"] > 0.5
     for name in ("gap_corner", "gap_max"):
@@ -152,7 +152,7 @@ def test_a_gap_without_a_wall_is_no_gap(table):
     assert "regained at 360 mm" in of(found, "largest gap, corner").where
 
 
-def test_remarks_need_a_way_downwards(table):
+def test_remarks_need_increasing_positions(table):
     units = table.attrs["units"]
     still = table.assign(position=0.0)
     still.attrs["units"] = units
@@ -161,10 +161,10 @@ def test_remarks_need_a_way_downwards(table):
 
 
 @pytest.mark.parametrize(("cell", "order"), [("quadrilateral", 1), ("triangle", 2)])
-def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, cell, order):
+def test_weak_spots_between_probes_are_in_the_fields(tmp_path, table, cell, order):
     points, cells = rectangle(16, 16, HALF, HALF, cell, order, power=1.7)
     depth = HALF - points.max(axis=1)
-    even = 1600.0 + 2e4 * depth  # the solidus lies 6.2575 mm deep everywhere
+    even = 1600.0 + 2e4 * depth  # the solidus is 6.2575 mm deep everywhere
     hot_spot = np.array([0.0467, HALF])
     near = np.exp(-(np.linalg.norm(points - hot_spot, axis=1) ** 2) / (2 * 4e-3**2))
     facts = {"solidus": SOLIDUS, "liquidus": LIQUIDUS, "symmetry": "quarter"}
@@ -201,13 +201,13 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
 
 
 def depth_of_level(kelvin):
-    """Where a temperature that grows with depth passes the solidus [m]."""
+    """Return the depth at which a temperature that grows with depth passes the solidus [m]."""
     s = np.linspace(0.0, 0.02, 20001)
     return float(s[np.flatnonzero(kelvin(s) >= SOLIDUS)[0]])
 
 
-def test_a_shell_that_nothing_holds_is_named(table):
-    """More than a hundredth of the section outward is the stiffness of the liquid, not steel."""
+def test_unsupported_shell_is_named(table):
+    """A bulge above a hundredth of the section shows the stiffness of the liquid, not of steel."""
     assert not [r for r in remarks(table, summary()) if r.what.startswith("bulge")]
     table["displacement_mid_face"] *= 40.0
     bulge = of(remarks(table, summary()), "bulge, mid-face")
@@ -216,7 +216,7 @@ def test_a_shell_that_nothing_holds_is_named(table):
 
 
 @pytest.mark.parametrize(
-    ("corner", "told"),
+    ("corner", "message"),
     [
         (
             [0.0, 1.2, 1.9, 0.0, 0.0, 2.5],
@@ -228,7 +228,7 @@ def test_a_shell_that_nothing_holds_is_named(table):
         ([0.0, 1.2, 1.9, 1.85, 1.9, 2.5], ""),
     ],
 )
-def test_a_shell_that_melts_again_is_told(corner, told):
+def test_remelting_shell_is_named(corner, message):
     table = pandas.DataFrame(
         {
             "time": np.arange(6.0),
@@ -239,5 +239,5 @@ def test_a_shell_that_melts_again_is_told(corner, told):
     )
     table.attrs["units"] = {"time": "s", "position": "m"} | dict.fromkeys(table.columns[2:], "mm")
     found = [one for one in remarks(table, None) if one.what == "shell melted again"]
-    expected = [f"corner, from 200 mm to 300 mm, {told}"] if told else []
+    expected = [f"corner, from 200 mm to 300 mm, {message}"] if message else []
     assert [one.where for one in found] == expected

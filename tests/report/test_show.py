@@ -1,4 +1,4 @@
-"""`castfem show`: the table, and what it says of runs that did not end well."""
+"""`castfem show`: the table, and messages about runs that did not end well."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from castfem.runs.results.numbers import shown, with_error
 
 
 def cells_of(text: str, label: str) -> list[str]:
-    """The line of a table that begins with a label, its cells apart."""
+    """Return the cells of the table row that begins with a label."""
     (line,) = [line for line in text.splitlines() if line.startswith(label + " ")]
     return re.split(r"  +", line[len(label) :].strip())
 
 
-def test_the_table_shows_ours_theirs_and_the_difference(finished_run):
+def test_table_has_our_value_reference_and_difference(finished_run):
     text = printed(finished_run, figures=False)
     assert "125 mm billet, idealised mould" in text
     assert "finished in 2.8 s on 2 ranks" in text
@@ -48,7 +48,7 @@ def test_the_table_shows_ours_theirs_and_the_difference(finished_run):
     assert "412 MB" in text
 
 
-def test_show_draws_every_figure_and_says_where(finished_run):
+def test_show_draws_every_figure_and_prints_its_path(finished_run):
     text = printed(finished_run)
     for name in FIGURES:
         path = finished_run / "figures" / f"{name}.png"
@@ -56,10 +56,10 @@ def test_show_draws_every_figure_and_says_where(finished_run):
         assert path.name in text
         image = matplotlib.image.imread(path)
         assert min(image.shape[:2]) > 400
-        assert image[..., :3].std() > 0.02  # something is drawn
+        assert image[..., :3].std() > 0.02  # the figure is not empty
 
 
-def test_an_interrupted_run_shows_its_last_good_state(tmp_path):
+def test_interrupted_run_shows_its_last_good_state(tmp_path):
     write_run(tmp_path, finish=False)
     text = printed(tmp_path, figures=False)
     assert "killed or aborted" in text.splitlines()[0]
@@ -67,14 +67,14 @@ def test_an_interrupted_run_shows_its_last_good_state(tmp_path):
     assert "last checkpoint at t = 3.2 s, 192 mm below the meniscus" in text
 
 
-def test_a_run_that_has_lost_its_history_says_so(finished_run, tmp_path):
+def test_missing_history_is_reported(finished_run, tmp_path):
     folder = shutil.copytree(finished_run, tmp_path / "run")
     assert "history.csv is missing" not in printed(folder, figures=False)
     (folder / "history.csv").unlink()
     assert "history.csv is missing" in printed(folder, figures=False)
 
 
-def test_a_failed_run_says_why_and_where_to_look(tmp_path):
+def test_failed_run_is_shown_with_its_reason(tmp_path):
     write_run(tmp_path, finish=False)
     folder = OutputFolder(tmp_path)
     folder.begin("x = 1\n")
@@ -86,14 +86,14 @@ def test_a_failed_run_says_why_and_where_to_look(tmp_path):
     assert str(tmp_path / "run.log") in text
 
 
-def test_a_run_at_work_is_called_running(tmp_path):
+def test_active_run_is_called_running(tmp_path):
     folder = OutputFolder(tmp_path)
     folder.begin("x = 1\n")
     assert printed(tmp_path).startswith("running on 1 rank")
     folder.close()
 
 
-def test_a_folder_without_a_run_is_an_input_error(tmp_path):
+def test_folder_without_a_run_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match=r"holds no run of castfem \(no run\.json\)"):
         show(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
@@ -103,7 +103,7 @@ def test_a_folder_without_a_run_is_an_input_error(tmp_path):
         show(tmp_path)
 
 
-def test_the_table_is_shown_although_figures_cannot_be_drawn(castfem, finished_run, tmp_path):
+def test_table_is_shown_without_figures(castfem, finished_run, tmp_path):
     run = tmp_path / "copy"
     shutil.copytree(finished_run, run)
     (run / "fields.h5").write_text("damaged")
@@ -130,11 +130,11 @@ def test_the_table_is_shown_although_figures_cannot_be_drawn(castfem, finished_r
         (0.0, "1/s", "0"),
     ],
 )
-def test_values_are_printed_with_the_digits_that_matter(value, unit, text):
+def test_values_have_their_significant_digits(value, unit, text):
     assert shown(value, unit) == text
 
 
-def test_small_rates_have_errors_and_differences_in_the_same_parts():
+def test_small_rates_share_their_exponent():
     assert with_error(shown(1.742e-4, "1/s"), 2.1e-6) == "17.42e-5 \N{PLUS-MINUS SIGN} 0.21e-5"
     assert with_error("3.142e-12", 1e-13) == "3.142e-12 \N{PLUS-MINUS SIGN} 1e-13"
     reference = Reference("straightening_I2_max", 22e-5, "1/s", "thesis")
@@ -144,7 +144,7 @@ def test_small_rates_have_errors_and_differences_in_the_same_parts():
     assert [row[1:5] for row in rows] == [("16.15e-5", "1/s", "22e-5", "-5.85e-5 (-26.6 %)")]
 
 
-def test_faces_of_a_square_have_one_row_and_nothing_has_no_sign(tmp_path):
+def test_faces_of_a_square_have_one_row(tmp_path):
     write_run(tmp_path, steps=4)
     whole = json.loads((tmp_path / "summary.json").read_text())
     gap = {"value": -1e-9, "unit": "mm", "label": "gap, mid-face"}
@@ -161,7 +161,7 @@ def test_faces_of_a_square_have_one_row_and_nothing_has_no_sign(tmp_path):
     assert cells_of(text, "surface, narrow face") == ["1200.0", "°C"]  # another than the mid-face
 
 
-def test_gaps_below_a_hundredth_of_a_millimetre_are_told_in_micrometres(tmp_path):
+def test_small_gaps_are_shown_in_micrometres(tmp_path):
     write_run(tmp_path, steps=4)
     whole = json.loads((tmp_path / "summary.json").read_text())
     for name, value in (("max", 4.87e-3), ("corner", -6e-3), ("mid_face", 8e-6), ("edge", 0.012)):
@@ -176,7 +176,7 @@ def test_gaps_below_a_hundredth_of_a_millimetre_are_told_in_micrometres(tmp_path
     assert cells_of(text, "size, edge") == ["0.00", "mm"]
 
 
-def test_bounds_are_met_or_missed_and_notes_stand_with_their_source(tmp_path):
+def test_bounds_are_met_or_missed_with_their_notes(tmp_path):
     write_run(tmp_path, steps=4)
     whole = json.loads((tmp_path / "summary.json").read_text())
     ours = {"quantity": "heat_removed_slice", "unit": "kJ", "source": "a book", "at": None}
@@ -211,7 +211,7 @@ NAMES = ("narrow_face", "mid_face_intrados", "corner_intrados", "mid_face_extrad
 
 
 def slab(**values: float) -> dict[str, Quantity]:
-    """Results of half a slab, whose shell at each place is 20 mm but for those given."""
+    """Return results of half a slab, whose shell is 20 mm at all places without a value."""
     return {
         f"{kind}_{name}": Quantity(1e-3 * values.get(name, 20.0 + i), "mm", f"{kind}, {name}")
         for kind in ("shell", "surface_temperature")
@@ -223,13 +223,13 @@ def shells(names: list[str]) -> list[str]:
     return [name.removeprefix("shell_") for name in names if name.startswith("shell_")]
 
 
-def test_faces_that_are_cooled_alike_are_one() -> None:
+def test_equally_cooled_faces_are_one() -> None:
     alike = slab(mid_face_extrados=21.0, corner_extrados=22.0)
     assert shells(headline([alike])) == ["mid_face_intrados", "narrow_face", "corner_intrados"]
     assert "mid_face_extrados" in shells(headline([alike, slab()]))
 
 
-def test_all_parts_of_a_whole_section_have_their_place() -> None:
+def test_all_places_of_a_full_section_are_shown() -> None:
     parts = [f"corner_{side}_{half}" for side in ("intrados", "extrados") for half in
              ("right", "left")]  # fmt: skip
     names = ["mid_face_intrados", "mid_face_extrados", "narrow_face_right", "narrow_face_left"]
@@ -243,7 +243,7 @@ def test_all_parts_of_a_whole_section_have_their_place() -> None:
                                         "corner_intrados_right"]  # fmt: skip
 
 
-# Tables: no word is cut on a narrow screen; blocks side by side; the same data as CSV
+# Tables: no word is cut on a narrow screen; blocks next to each other; the same data as CSV
 
 
 HEADS = ("at the optimum", "value", "noise", "numerical error", "left", "")
@@ -266,7 +266,7 @@ def test_no_word_is_cut(width: int) -> None:
         assert len(lines) == 4
 
 
-def test_a_wide_table_is_split_into_blocks_of_equal_width() -> None:
+def test_wide_table_is_split_into_blocks_of_equal_width() -> None:
     runs = [f"run {i}" for i in range(5)]
     table = Table(("quantity", *runs), [("shell", *map(str, range(5)))], repeated=1)
     lines = table.lines(32)
@@ -277,7 +277,7 @@ def test_a_wide_table_is_split_into_blocks_of_equal_width() -> None:
     assert len(table.lines(200)) == len(table.lines()) == 3
 
 
-def test_entries_of_a_list_are_not_parted() -> None:
+def test_entries_of_a_list_are_not_split() -> None:
     stream = io.StringIO()
     screen = Console(file=stream, width=30, force_terminal=True, color_system=None)
     say(screen, listed("steps:", ["accepted 412", "rejected 3"]), pairs([("a", "long " * 12)]))
@@ -286,13 +286,13 @@ def test_entries_of_a_list_are_not_parted() -> None:
     assert max(map(len, lines)) <= 30
 
 
-def test_rows_stay_whole_in_a_file() -> None:
+def test_rows_are_not_split_in_a_file() -> None:
     stream = io.StringIO()
     say(Console(file=stream, width=40), Table(HEADS, ROWS))
     assert len(stream.getvalue().splitlines()) == 4
 
 
-def test_csv_holds_the_cells_and_a_failed_row_is_red() -> None:
+def test_csv_has_the_cells_and_a_failed_row_is_red() -> None:
     table = Table(("run", "shell [mm]"), [("a, b", "4.75"), ("c", "")], marks={(1, -1): FAILED})
     assert list(csv.reader(table.csv().splitlines())) == [list(table.heads), *map(list, table.rows)]
     assert [style for _, style in table.styled()] == ["", "", "", "red"]

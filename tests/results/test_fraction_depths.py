@@ -1,4 +1,4 @@
-"""The shell to chosen solid fractions: between solidus and liquidus, and where the steel says."""
+"""The shell at chosen solid fractions: between solidus and liquidus, and at their temperatures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def result() -> castfem.Result:
     return castfem.run(small({"output.shell_at": [0.3, 0.7], "casting.length": "120 mm"}))
 
 
-def test_they_lie_between_solidus_and_liquidus(result: castfem.Result) -> None:
+def test_depths_are_between_solidus_and_liquidus(result: castfem.Result) -> None:
     table = result.history
     depths = [table[f"{name}_mid_face"].to_numpy() for name in ("shell", "fs70", "fs30")]
     depths.append(table["liquidus_depth_mid_face"].to_numpy())
@@ -36,7 +36,7 @@ def test_they_lie_between_solidus_and_liquidus(result: castfem.Result) -> None:
     assert table.attrs["units"]["fs70_corner"] == "mm"
 
 
-def test_they_are_results_with_words(result: castfem.Result) -> None:
+def test_depths_are_results_with_labels(result: castfem.Result) -> None:
     quantity = result.summary.quantities["fs70_mid_face"]
     assert quantity.label == "shell to fs = 0.7, mid-face"
     assert 1e3 * quantity.value == pytest.approx(result.history["fs70_mid_face"].iloc[-1])
@@ -48,8 +48,8 @@ def test_they_are_results_with_words(result: castfem.Result) -> None:
     assert unit_of("fs70_mid_face") == "mm"
 
 
-def test_the_depth_is_that_of_the_fraction_on_the_line() -> None:
-    """On a straight profile it is where the temperature of the fraction is."""
+def test_depth_is_that_of_the_fraction_on_the_line() -> None:
+    """On a linear profile it is the depth of the temperature of the fraction."""
     steel = case_steel(small())
     level = temperature_at(steel, 0.7)
     assert float(steel.solid_fraction(level)) == pytest.approx(0.7, abs=1e-9)
@@ -59,7 +59,7 @@ def test_the_depth_is_that_of_the_fraction_on_the_line() -> None:
     assert profile.isotherm_depth(level) == pytest.approx(exact, rel=1e-9)
 
 
-def test_a_run_that_asks_for_none_has_none() -> None:
+def test_run_without_requested_fractions_has_none() -> None:
     assert not any(definition.name.startswith("fs") for definition in declared())
     simulation = build(small(), MPI.COMM_SELF)
     assert not any(d.name.startswith("fs") for d, _ in columns_of(simulation))
@@ -67,7 +67,7 @@ def test_a_run_that_asks_for_none_has_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("fractions", "message"),
     [
         ([0.333], "whole per cents are needed"),
         ([1.0], "must lie between 0 and 1"),
@@ -75,15 +75,15 @@ def test_a_run_that_asks_for_none_has_none() -> None:
         (["7 mm"], "output.shell_at"),
     ],
 )
-def test_what_is_no_fraction(given: list[object], message: str) -> None:
+def test_invalid_fractions_are_refused(fractions: list[object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        small({"output.shell_at": given})
+        small({"output.shell_at": fractions})
 
 
-# Where the conductivity jumps at the solidus, cells of any size find the same shell.
+# Where the conductivity jumps at the solidus, the shell does not depend on the cell size.
 #
-# Between two vertices not the temperature is linear, but the conduction integral: read off a linear
-# temperature the front was half a cell off, and all cell sizes of a ladder by the same share.
+# The conduction integral is linear between two vertices, not the temperature: with a linear
+# temperature the front was half a cell off, and by the same share for all sizes of cells.
 
 
 def jumping(liquid: float) -> dict[str, object]:
@@ -96,7 +96,7 @@ def jumping(liquid: float) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("liquid", [1.0, 210.0])
-def test_conduction_and_temperature_are_each_others(liquid: float) -> None:
+def test_conduction_and_temperature_are_inverse(liquid: float) -> None:
     curve = load_steel("carbon_042", overrides=jumping(liquid)).thermal_curve(900.0, 1900.0, 1800.0)
     t = np.linspace(950.0, 1850.0, 97)
     theta = curve.conduction(t)
@@ -110,9 +110,7 @@ def test_conduction_and_temperature_are_each_others(liquid: float) -> None:
 
 
 @pytest.mark.parametrize(("liquid", "share"), [(30.0, 52 / 142.5), (1.0, 0.945), (210.0, 0.076)])
-def test_a_front_between_two_vertices_lies_where_heat_flows_alike(
-    liquid: float, share: float
-) -> None:
+def test_front_between_vertices_is_by_the_conduction(liquid: float, share: float) -> None:
     """By hand: 30 * 52 of the conduction integral in the solid, liquid * 90.5 beyond it."""
     curve = load_steel("carbon_042", overrides=jumping(liquid)).thermal_curve(900.0, 1900.0)
     ends = np.array([1400.0, 1542.5]) + 273.15
@@ -122,8 +120,8 @@ def test_a_front_between_two_vertices_lies_where_heat_flows_alike(
     assert profile.isotherm_depth(1452.0 + 273.15) == pytest.approx(1e-3 * by_hand, rel=2e-4)
 
 
-def test_shells_by_coarse_and_fine_cells_agree(tmp_path: Path) -> None:
-    """The usual liquid that is stirred, seven times as conductive as the solid."""
+def test_shells_of_coarse_and_fine_cells_agree(tmp_path: Path) -> None:
+    """The usual stirred liquid, seven times as conductive as the solid."""
     shells = []
     for size in ("1 mm", "0.3 mm"):
         mesh = {f"mesh.{k}_size": size for k in ("surface", "corner")}

@@ -38,7 +38,7 @@ EXACT = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1273.15, 1723.15, 1773.15, 1813.1
 
 
 def followed(case: Case) -> tuple[Array, Tearing]:
-    """Depths of the places of a strip 10 to 14 mm deep, m, and what they have met."""
+    """Return the depths of a strip from 10 to 14 mm, m, and the tearing state there."""
     simulation = build(case, MPI.COMM_SELF)
     run = TimeLoop(simulation)
     run.run()
@@ -54,7 +54,7 @@ def followed(case: Case) -> tuple[Array, Tearing]:
 
 
 def exact_times() -> tuple[float, float, float]:
-    """When a place x deep comes to solid fractions of 0.4, 0.9 and 0.99: over x^2, s/m2."""
+    """Return the times at solid fractions of 0.4, 0.9 and 0.99 at a depth x: over x^2, s/m2."""
 
     def over(fraction: float) -> float:
         level = EXACT.liquidus - 50.0 * fraction
@@ -67,11 +67,11 @@ def exact_times() -> tuple[float, float, float]:
     return over(0.4), over(0.9), over(0.99)
 
 
-def test_times_and_strains_are_those_of_the_similarity_solution() -> None:
-    """Each place takes x^2 times the same, so that the ratio of the times is one all over.
+def test_times_and_strains_are_those_of_the_similarity() -> None:
+    """The times are proportional to x^2, so that their ratio is constant.
 
-    In the brittle range lie 0.15 mm there: with cells half as large the error is half as large.
-    The strain is the time in the range by the rate exactly, and so is the damage by hand.
+    The brittle range is 0.15 mm there: with cells half as large the error is half as large. The
+    strain is exactly the time in the range by the rate, and the damage is that by hand.
     """
     feeds, begins, ends = exact_times()
     ratio = (ends - begins) / (begins - feeds)
@@ -94,7 +94,7 @@ def test_times_and_strains_are_those_of_the_similarity_solution() -> None:
 
 
 @pytest.mark.parametrize(("carbon", "within"), [(0.12, 0.99), (0.2, 0.9)])
-def test_freezing_at_one_temperature_goes_by_the_heat(carbon: float, within: float) -> None:
+def test_isothermal_freezing_is_by_the_enthalpy(carbon: float, within: float) -> None:
     """Steel below and above 0.17 % C: the peritectic reaction ends its freezing, or is in it."""
     from castfem.runs.results.hot_tearing_tracking import enthalpy_at
 
@@ -110,8 +110,8 @@ def test_freezing_at_one_temperature_goes_by_the_heat(carbon: float, within: flo
     assert enthalpy_at(curve, steel, 0.4) == level > hot
 
 
-def test_a_place_has_passed_when_the_reaction_has_all_but_ended() -> None:
-    """A thin sheet in the midst of the peritectic reaction, with which its freezing ends."""
+def test_place_has_passed_when_the_reaction_ends() -> None:
+    """A thin sheet in the middle of the peritectic reaction, with which its freezing ends."""
     sheet = strip({
         "steel": {"name": "plain_carbon", "composition": {"C": 0.12}},
         "section": {"shape": "strip", "length": "0.2 mm", "width": "0.1 mm"},
@@ -141,11 +141,11 @@ PERITECTIC = {
 }  # fmt: skip
 
 
-def test_peritectic_steel_that_segregates_is_followed_whatever_the_cells() -> None:
-    """In equilibrium its front has no thickness: what a place spends in it is that of its cell.
+def test_segregating_peritectic_steel_with_any_cells() -> None:
+    """In equilibrium its front has no thickness: the time of a place in it depends on the cell.
 
-    By its microsegregation the range is 14 K, and half the cells move times by 5 % at most. The
-    strain is the time by the rate, the damage that by hand.
+    With microsegregation the range is 14 K, and half the cells change times by 5 % at most. The
+    strain is the time by the rate, the damage is that by hand.
     """
     overrides = {"youngs_modulus": "10 GPa", "poisson_ratio": 0.3, "thermal_expansion": "0 1/K"}
     times = []
@@ -172,8 +172,8 @@ def test_peritectic_steel_that_segregates_is_followed_whatever_the_cells() -> No
     assert 0.3 < fine[1] < 0.5
 
 
-def test_the_critical_strain_may_be_one_number() -> None:
-    """With both exponents 0 the factor is the strain, whatever the rate and the range."""
+def test_critical_strain_may_be_one_number() -> None:
+    """With both exponents 0 the factor is the strain, for any rate and range."""
     quality = {"hot_tearing": ["won"]}
     constant = {"factor": 0.016, "rate_exponent": 0, "range_exponent": 0}
     _, own = followed(stretched(1.0, quality=quality))
@@ -183,8 +183,8 @@ def test_the_critical_strain_may_be_one_number() -> None:
     assert (own.won() != found.won()).all()
 
 
-def test_where_windows_end_does_not_show() -> None:
-    """Of windows a third and two thirds as long as the way through the range, 0.3 to 0.7 s."""
+def test_ends_of_windows_do_not_matter() -> None:
+    """Windows of a third and two thirds of the time in the range, 0.3 to 0.7 s."""
     found = [followed(stretched(1.0, window))[1] for window in (0.1, 0.2, 0.4)]
     times = np.array([one.history.vulnerable for one in found])
     assert times[1] == pytest.approx(times[0], rel=0.02)
@@ -192,18 +192,18 @@ def test_where_windows_end_does_not_show() -> None:
 
 
 def billet(**changes: object) -> Case:
-    """A coarse billet whose shell begins to freeze, followed by all criteria."""
-    given: dict[str, object] = {
+    """Return a coarse billet whose shell begins to freeze, with all criteria."""
+    defaults: dict[str, object] = {
         "mechanics": {}, "quality": {"hot_tearing": CRITERIA, "rdg": FEEDING},
         "casting.length": "120 mm", "output": {"figures": False, "checkpoint_every": 4},
         "coupling": {"interval": "0.1 s"},
     }  # fmt: skip
-    return small(given | changes)
+    return small(defaults | changes)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run of the billet."""
+    """Return the folder of a run of the billet."""
     folder = tmp_path_factory.mktemp("whole")
     loop.run(billet(), folder, comm=MPI.COMM_SELF)
     return folder
@@ -213,7 +213,7 @@ def results(folder: Path) -> dict[str, dict[str, Any]]:
     return json.loads((folder / "summary.json").read_text())["quantities"]  # type: ignore[no-any-return]
 
 
-def test_columns_maps_and_results_tell_the_same(whole: Path) -> None:
+def test_columns_maps_and_results_agree(whole: Path) -> None:
     table, maps, found = read_history(whole / "history.csv"), SurfaceMaps(whole), results(whole)
     for name, factor in (("won", 0.01), ("clyne_davies", 1.0), ("rdg", 1e3)):
         surface, front = (table[f"{one}_max"].to_numpy() for one in (name, f"{name}_front"))
@@ -228,8 +228,8 @@ def test_columns_maps_and_results_tell_the_same(whole: Path) -> None:
     assert share == pytest.approx(100.0 * found["way_rdg_front_max"]["value"] / 2.0)
 
 
-def test_maps_over_the_depth_begin_at_the_surface(whole: Path) -> None:
-    """The first place of each line is one of the surface's map; what is liquid has nothing yet."""
+def test_depth_maps_begin_at_the_surface(whole: Path) -> None:
+    """The first place of each line is one of the surface map; liquid places have no value yet."""
     depths, surface = SurfaceMaps(whole, DEPTHS), SurfaceMaps(whole)
     line = depths.heading.line
     assert depths.names() == ("temperature", *CRITERIA) and "mid-face" in line.faces
@@ -241,11 +241,11 @@ def test_maps_over_the_depth_begin_at_the_surface(whole: Path) -> None:
     hot = depths["temperature"] > depths.heading.band[1] + 60.0
     assert hot.any() and not depths["clyne_davies"][hot].any()
     found = crack_places(whole, None)
-    (told,) = [row for row in found.ranking if row[0] == "clyne_davies, inside"]
-    assert "mm deep" in told[3] and told[1] == f"{depths['clyne_davies'].max():.3g}"
+    (row,) = [row for row in found.ranking if row[0] == "clyne_davies, inside"]
+    assert "mm deep" in row[3] and row[1] == f"{depths['clyne_davies'].max():.3g}"
 
 
-def test_a_kill_costs_nothing(tmp_path: Path, whole: Path) -> None:
+def test_kill_loses_nothing(tmp_path: Path, whole: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         break_off(patch)
         patch.setattr(loop, "_leave", lambda *given: None)
@@ -260,18 +260,18 @@ def test_a_kill_costs_nothing(tmp_path: Path, whole: Path) -> None:
 
 
 @pytest.mark.mpi
-def test_ranks_do_not_show(shared_folder: Path) -> None:
-    alone, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
-    loop.run(billet(), alone, comm=MPI.COMM_SELF)
+def test_ranks_agree(shared_folder: Path) -> None:
+    single, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
+    loop.run(billet(), single, comm=MPI.COMM_SELF)
     loop.run(billet(), many, comm=MPI.COMM_WORLD)
     MPI.COMM_WORLD.Barrier()
-    one, two = SurfaceMaps(alone, DEPTHS), SurfaceMaps(many, DEPTHS)
+    one, two = SurfaceMaps(single, DEPTHS), SurfaceMaps(many, DEPTHS)
     for name in one.names():
         size = np.abs(one[name]).max()
         assert two[name] == pytest.approx(one[name], rel=1e-5, abs=1e-6 * size), name
 
 
-def test_derivatives_are_those_of_difference_quotients(tmp_path: Path) -> None:
+def test_derivatives_are_difference_quotients(tmp_path: Path) -> None:
     def chilled(coefficient: float) -> Case:
         law = {"law": "convection", "on": ["surface"], "ambient": "25 degC"}
         law["coefficient"] = f"{coefficient} W/(m^2 K)"  # type: ignore[assignment]
@@ -300,11 +300,11 @@ def test_derivatives_are_those_of_difference_quotients(tmp_path: Path) -> None:
         castfem.sensitivities(chilled(1500.0), ["casting.speed"], "way_won_max")
 
 
-def test_the_criteria_move_nothing_of_the_run(tmp_path: Path, whole: Path) -> None:
-    """Columns of a case that asks for them are those of one that does not, to the last digit."""
+def test_criteria_do_not_change_the_run(tmp_path: Path, whole: Path) -> None:
+    """Columns of a case with and without criteria agree to the last digit."""
     loop.run(billet(quality={}), tmp_path, comm=MPI.COMM_SELF)
-    plain, asked = read_history(tmp_path / "history.csv"), read_history(whole / "history.csv")
-    own = [name for name in asked.columns if name not in plain.columns]
+    plain, judged = read_history(tmp_path / "history.csv"), read_history(whole / "history.csv")
+    own = [name for name in judged.columns if name not in plain.columns]
     assert own and all(name.startswith(("won", "rdg", "clyne_davies")) for name in own)
     for name in plain.columns:
-        np.testing.assert_array_equal(asked[name], plain[name], err_msg=name)
+        np.testing.assert_array_equal(judged[name], plain[name], err_msg=name)

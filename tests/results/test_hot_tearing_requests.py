@@ -1,4 +1,4 @@
-"""What a case asks of hot tearing and ductility: its tables, and what is refused."""
+"""Requests for hot tearing and ductility in a case: tables, and invalid input."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ DUCTILITY = {
 }  # fmt: skip
 
 
-def test_ductility_is_used_up_by_tension_in_its_temperatures(tmp_path: Path) -> None:
-    """At 1000 degC nothing counts; where the table begins at 900, 0.003 of 0.2 are 1.5 %."""
+def test_ductility_is_used_by_tension_in_its_range(tmp_path: Path) -> None:
+    """At 1000 degC nothing counts; with a table from 900 degC, 0.003 of 0.2 are 1.5 %."""
     wide = DUCTILITY | {"temperature": [900, 900, 1540.1, 1540.1]}
     used = []
     for number, table in enumerate((DUCTILITY, wide)):
@@ -45,14 +45,14 @@ def test_ductility_is_used_up_by_tension_in_its_temperatures(tmp_path: Path) -> 
     assert again.quality == given
 
 
-def test_time_alone_needs_no_mechanics(tmp_path: Path) -> None:
+def test_criterion_of_time_needs_no_mechanics(tmp_path: Path) -> None:
     case = small({"quality": {"hot_tearing": ["clyne_davies"]}, "casting.length": "120 mm"})
     found = loop.run(case, tmp_path, comm=MPI.COMM_SELF).quantities
     assert 0.05 < found["way_clyne_davies_front_max"].value < 2.0
     assert "way_won_front_max" not in found and "way_rdg_front_max" not in found
 
 
-def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
+def test_case_without_criteria_has_no_results_of_them(tmp_path: Path) -> None:
     quantities = loop.run(small({"quality": {}}), tmp_path, comm=MPI.COMM_SELF).quantities
     assert not {DEPTHS_NAME, DEPTH_ROWS_NAME} & {path.name for path in tmp_path.iterdir()}
     assert "hot_tearing" not in (tmp_path / "case.toml").read_text()
@@ -61,7 +61,7 @@ def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("quality", "key", "told"),
+    ("quality", "key", "message"),
     [
         ({"hot_tearing": ["won"]}, "quality.hot_tearing", "needs strain"),
         ({"hot_tearing": ["wom"]}, "quality.hot_tearing", "won"),
@@ -79,10 +79,12 @@ def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_by_its_key(quality: dict[str, object], key: str, told: str) -> None:
+def test_invalid_input_is_rejected_with_its_key(
+    quality: dict[str, object], key: str, message: str
+) -> None:
     with pytest.raises(InputError) as error:
         small({"quality": quality})
-    assert key in str(error.value) and told in str(error.value)
+    assert key in str(error.value) and message in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +99,7 @@ def test_what_is_wrong_is_told_by_its_key(quality: dict[str, object], key: str, 
         ),
     ],
 )  # fmt: skip
-def test_a_steel_that_lacks_something_is_refused(
+def test_missing_data_of_a_steel_are_reported(
     tmp_path: Path, changes: dict[str, object], key: str
 ) -> None:
     case = small({"quality": {"hot_tearing": ["clyne_davies"]}} | changes)
@@ -110,5 +112,5 @@ def test_a_steel_that_lacks_something_is_refused(
     assert widened == (case.steel.composition.get("C") == 0.15)
     path = tmp_path / "lacking.toml"
     path.write_text(case.resolved_toml())
-    with pytest.raises(InputError, match=f"lacking.toml: {key}: "):  # before anything is run
+    with pytest.raises(InputError, match=f"lacking.toml: {key}: "):  # before the run
         check_case("lacking", path, ())

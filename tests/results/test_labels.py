@@ -1,4 +1,4 @@
-"""Labels of results, which a case has, and what a run warns of."""
+"""Labels of results, results of a case, and warnings about a run."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from castfem.runs.results.registry import columns_of, results_of
 from castfem.runs.results.summary import run_warnings
 
 
-def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):
+def test_interrupted_run_has_labels_of_a_finished_one(tmp_path):
     write_strained(tmp_path)
     (tmp_path / "summary.json").unlink()
     path = tmp_path / "run.json"
@@ -41,19 +41,19 @@ def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):
     text = printed(tmp_path, 120, figures=False)
     assert text.startswith("killed or aborted")
     rows = [re.split(r"  +", line.strip()) for line in text.split("Last of ")[1].splitlines()]
-    told = {row[0]: row[1:] for row in rows if len(row) == 3}
-    assert list(told)[1:3] == ["time", "position"]
-    assert told["share of the surface in contact"] == ["100", "%"]
-    assert told["diagonal"] == ["172.12", "mm"]
-    assert told["von Mises stress, mid-face"] == ["3.6", "MPa"]
-    assert told["heat removed per m"][1] == "MJ/m"
-    assert told["largest penetration into the mould here"] == ["0.01", "µm"]
+    printed_rows = {row[0]: row[1:] for row in rows if len(row) == 3}
+    assert list(printed_rows)[1:3] == ["time", "position"]
+    assert printed_rows["share of the surface in contact"] == ["100", "%"]
+    assert printed_rows["diagonal"] == ["172.12", "mm"]
+    assert printed_rows["von Mises stress, mid-face"] == ["3.6", "MPa"]
+    assert printed_rows["heat removed per m"][1] == "MJ/m"
+    assert printed_rows["largest penetration into the mould here"] == ["0.01", "µm"]
     for word in ("newton", "force", "error", "step"):
-        assert not any(word in label for label in told)
+        assert not any(word in label for label in printed_rows)
 
 
-def test_the_words_are_those_of_the_report(tmp_path):
-    """Of a run with mechanics and friction: each quantity as its own summary has it."""
+def test_labels_are_those_of_the_report(tmp_path):
+    """In a run with mechanics and friction each quantity is labelled as in its summary."""
     lines = ["casting.length=6 mm", "mould.friction.law=coulomb", "mould.friction.coefficient=0.2"]
     case = load_case(find("billet125/taper_1"), overrides=lines)
     with castfem.run(case, tmp_path / "out") as result:
@@ -83,12 +83,12 @@ def test_the_words_are_those_of_the_report(tmp_path):
         ("von Mises stress, narrow face", "von Mises stress, narrow face"),
     ],
 )
-def test_a_plain_label_does_not_tell_the_place(label: str, plain: str) -> None:
-    """Beside other runs the place of one of them would mislead."""
+def test_plain_label_has_no_place(label: str, plain: str) -> None:
+    """In a comparison of runs the place of one of them would mislead."""
     assert plain_label(Quantity(1.0, "Pa", label)) == plain
 
 
-# What is told from the case alone of results that no run of it has, against what runs have
+# Results that a run lacks are found from the case only, and compared with those of runs
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +133,7 @@ def test_results_of_a_slice_in_its_mould(thermal: Simulation) -> None:
     )
 
 
-def test_what_is_missing_is_named() -> None:
+def test_missing_tables_are_named() -> None:
     case = small()
     assert fault_of(case, "gap_max") == (
         "is none of this case, for it has no [mechanics] and [mould]; "
@@ -145,14 +145,14 @@ def test_what_is_missing_is_named() -> None:
     assert fault_of(case, "fs70_corner") == "is not followed; give output.shell_at = [0.7]"
 
 
-# What a finished run says cannot be trusted in it
+# Warnings about the results of a finished run
 
 
 OPEN = "does not close: its relative error is"
 
 
 @pytest.mark.parametrize(
-    ("heat", "force", "warmed", "told"),
+    ("heat", "force", "warmed", "messages"),
     [
         (1e-12, 1e-10, 0.0, []),
         (0.18, 1e-10, 0.0, ["the heat balance does not close: 1.8e-01 of the heat"]),
@@ -166,8 +166,8 @@ OPEN = "does not close: its relative error is"
         ),
     ],
 )
-def test_what_is_not_right_is_told(
-    heat: float, force: float, warmed: float, told: list[str]
+def test_unreliable_results_are_reported(
+    heat: float, force: float, warmed: float, messages: list[str]
 ) -> None:
     balances = {
         "heat": {"whole": Quantity(heat, "-", "")},
@@ -176,7 +176,7 @@ def test_what_is_not_right_is_told(
     summary = Summary("", "finished", {}, {}, balances=balances)
     case = small({"mechanics": {"tolerance": 1e-8}})
     found = list(run_warnings(summary, case, warmed))
-    assert [line[: len(one)] for line, one in zip(found, told, strict=True)] == told
+    assert [line[: len(one)] for line, one in zip(found, messages, strict=True)] == messages
 
 
 def test_heat_that_comes_back_is_not_missing(tmp_path: Path) -> None:

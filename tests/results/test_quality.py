@@ -1,4 +1,4 @@
-"""Crack indexes along the strand: against what the history tells, resumed, on ranks, by a toy."""
+"""Crack indexes along the strand: compared with the history, resumed, on ranks, with an own one."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from castfem.runs.results.crack_index import SliceStep, crack_index
 from castfem.runs.results.crack_tracking import QualitySampler
 
 ROOT = Path(__file__).parents[2]
-WIDE = {"band": ["1000 degC", "1300 degC"]}  # all of the strand lies within
+WIDE = {"band": ["1000 degC", "1300 degC"]}  # contains the whole strand
 CUT = {"band": ["1185 degC", "1190 degC"]}  # each place of the surface passes through
 
 
 def judged(quality: dict[str, object], **changes: object) -> Case:
-    """The bent billet, judged; its fields are not written."""
+    """Return the bent billet with crack indexes and without fields."""
     return bent(quality=quality, **changes)
 
 
 @pytest.fixture(scope="module")
 def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run all of which lies in the band."""
+    """Return the folder of a run that is entirely in the band."""
     folder = tmp_path_factory.mktemp("wide")
     loop.run(judged(WIDE, output__checkpoint_every=4), folder, comm=MPI.COMM_SELF)
     return folder
@@ -50,20 +50,20 @@ def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run that goes through the band, with its results."""
+    """Return the folder of a run that passes through the band."""
     folder = tmp_path_factory.mktemp("cut")
     loop.run(judged(CUT), folder, comm=MPI.COMM_SELF)
     return folder
 
 
 def thickness_at(table: Any, y: Array) -> Array:
-    """Of a slice over its first thickness (rows, places), by the motion of its planes."""
+    """Return the thickness of a slice over its initial one (rows, places), by its planes."""
     strain, curvature = (table[name].to_numpy()[:, None] for name in ("axial_strain", "curvature"))
     return (1.0 + strain) * (1.0 - curvature * y)
 
 
-def test_the_second_index_is_the_motion_of_the_planes(wide: Path) -> None:
-    """Over each step exactly: (e - e_old)/dt with e = (1 + a0)(1 - k y), from the history alone."""
+def test_second_index_is_the_motion_of_the_planes(wide: Path) -> None:
+    """Exact over each step: (e - e_old)/dt with e = (1 + a0)(1 - k y), from the history."""
     table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
     y = maps.heading.line.place[:, 1]
     thickness = thickness_at(table, y)
@@ -75,7 +75,7 @@ def test_the_second_index_is_the_motion_of_the_planes(wide: Path) -> None:
     )
 
 
-def test_the_thickness_of_the_slice_is_that_of_its_planes(wide: Path) -> None:
+def test_thickness_of_the_slice_is_that_of_its_planes(wide: Path) -> None:
     table = read_history(wide / "history.csv")
     for place, y in (("intrados", HALF), ("centre", 0.0), ("extrados", -HALF)):
         thickness = (1.0 + table["axial_strain"]) * (1.0 - table["curvature"] * y)
@@ -83,8 +83,8 @@ def test_the_thickness_of_the_slice_is_that_of_its_planes(wide: Path) -> None:
         assert table[f"slice_thickness_{place}"].to_numpy() == pytest.approx(thickness, rel=1e-11)
 
 
-def test_the_mean_over_a_pitch_is_that_of_the_strain(wide: Path) -> None:
-    """Rolls stand 250 mm apart, five windows: the strain five windows ago."""
+def test_mean_over_a_pitch_is_that_of_the_strain(wide: Path) -> None:
+    """The pitch is 250 mm, five windows: the strain five windows ago."""
     table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
     y, time = maps.heading.line.place[:, 1], table["time"].to_numpy()
     thickness = thickness_at(table, y)
@@ -92,7 +92,7 @@ def test_the_mean_over_a_pitch_is_that_of_the_strain(wide: Path) -> None:
     assert maps["I2_pitch"][5:] == pytest.approx(np.maximum(mean, 0.0), rel=1e-6, abs=1e-11)
 
 
-def test_the_mechanical_part_lacks_the_thermal_strain(wide: Path) -> None:
+def test_mechanical_part_excludes_the_thermal_strain(wide: Path) -> None:
     from castfem.model.build.simulation import case_steel
 
     case, table, maps = judged(WIDE), read_history(wide / "history.csv"), SurfaceMaps(wide)
@@ -104,7 +104,7 @@ def test_the_mechanical_part_lacks_the_thermal_strain(wide: Path) -> None:
     assert maps["I2_mechanical"][1:] == pytest.approx(np.maximum(rate, 0.0), abs=5e-9)
 
 
-def test_the_first_index_is_the_axial_stress(wide: Path) -> None:
+def test_first_index_is_the_axial_stress(wide: Path) -> None:
     table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
     line = maps.heading.line
     for probe, place in (
@@ -119,8 +119,8 @@ def test_the_first_index_is_the_axial_stress(wide: Path) -> None:
     assert 1e6 * table["I1_max"].to_numpy() == pytest.approx(maps["I1"].max(axis=1), rel=1e-6)
 
 
-def test_indexes_are_zero_outside_of_the_band(cut: Path, wide: Path) -> None:
-    """What is in the band is as it is in a wide one, the rest is zero."""
+def test_indexes_are_zero_outside_the_band(cut: Path, wide: Path) -> None:
+    """In the band they are as in a wide one, elsewhere zero."""
     narrow, whole = SurfaceMaps(cut), SurfaceMaps(wide)
     kelvin = narrow["temperature"]
     inside = (kelvin > 1185.0 + ZERO_CELSIUS) & (kelvin < 1190.0 + ZERO_CELSIUS)
@@ -133,7 +133,7 @@ def test_indexes_are_zero_outside_of_the_band(cut: Path, wide: Path) -> None:
         assert file["maps/I2"].attrs["unit"] == "1/s"
 
 
-def test_time_in_the_band_is_that_of_the_straight_line_between_steps(cut: Path) -> None:
+def test_time_in_the_band_is_interpolated_linearly(cut: Path) -> None:
     maps = SurfaceMaps(cut)
     vertex = maps.heading.line.at(HALF, HALF)
     celsius = maps["temperature"][:, vertex] - ZERO_CELSIUS
@@ -143,8 +143,8 @@ def test_time_in_the_band_is_that_of_the_straight_line_between_steps(cut: Path) 
     assert (np.diff(maps["band_time"], axis=0) >= 0.0).all()
 
 
-def test_the_worst_is_told_with_its_place(cut: Path) -> None:
-    """Face, distance from the corner, roll, and what the rolls do to the strand there."""
+def test_largest_index_is_reported_with_its_place(cut: Path) -> None:
+    """Face, distance from the corner, roll, and action of the rolls on the strand."""
     maps = SurfaceMaps(cut)
     rate = maps["I2"]
     ties = np.argwhere(rate >= rate.max() * (1.0 - 1e-6))
@@ -156,8 +156,8 @@ def test_the_worst_is_told_with_its_place(cut: Path) -> None:
     assert where.partition(" (roll 3), ")[0] in places and where.endswith(" s, bending")
 
 
-def test_bending_and_straightening_have_a_worst_each(wide: Path) -> None:
-    """Bent to 0.6 m, straightened to 1.35 m: of the maps between, with their faces."""
+def test_bending_and_straightening_have_their_maxima(wide: Path) -> None:
+    """Bent to 0.6 m, straightened to 1.35 m: maxima of the maps between, with their faces."""
     maps = SurfaceMaps(wide)
     found = json.loads((wide / "summary.json").read_text())["quantities"]
     for phase, start, end, face in (
@@ -187,15 +187,15 @@ def break_off(patch: pytest.MonkeyPatch, window: int = 14) -> None:
 
 
 @pytest.mark.parametrize("killed", [True, False])
-def test_a_kill_costs_nothing_of_the_maps(tmp_path: Path, wide: Path, killed: bool) -> None:
-    """Cut off within a row, rows beyond the checkpoint: the end is the same byte for byte.
+def test_kill_loses_nothing_of_the_maps(tmp_path: Path, wide: Path, killed: bool) -> None:
+    """Cut off within a row, with rows beyond the checkpoint: the end is the same byte for byte.
 
-    So it is after a run that ended by an error, whose maps are in their last file already.
+    So it is after a run that ended with an error, whose maps are already in their last file.
     """
     case, rows = judged(WIDE, output__checkpoint_every=4), tmp_path / ROWS_NAME
     with pytest.MonkeyPatch.context() as patch:
         break_off(patch)
-        if killed:  # no end of the run, rows that the checkpoint does not know
+        if killed:  # no end of the run, and rows beyond the checkpoint
             patch.setattr(loop, "_leave", lambda *given: None)
             patch.setattr("castfem.runs.output.surface_maps.MapWriter.close", lambda self: None)
         with pytest.raises(RunFailure, match="power"):
@@ -217,7 +217,7 @@ def test_a_kill_costs_nothing_of_the_maps(tmp_path: Path, wide: Path, killed: bo
 
 
 def near_a_roll() -> Case:
-    """A zone ends 10 um below roll 3, and in between the strand is pulled all at once."""
+    """Return a case whose zone ends 10 um below roll 3; a sudden pull acts in between."""
     air = {"law": "convection", "coefficient": "100 W/(m^2 K)", "ambient": "25 degC"}
     pull = {"position": [0, 0.6, 0.60001, 2], "position_unit": "m", "value": [0, 0, 50, 50]}
     return judged(
@@ -231,18 +231,18 @@ def near_a_roll() -> Case:
     )
 
 
-def test_no_rate_is_told_of_a_window_of_no_length(tmp_path: Path) -> None:
-    """It is a mean with the window before; stored for a run that goes on just above."""
+def test_tiny_window_has_a_mean_rate(tmp_path: Path) -> None:
+    """It is a mean with the window before; stored for a run that is resumed just above."""
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     loop.run(near_a_roll(), whole, comm=MPI.COMM_SELF)
     table, maps = read_history(whole / "history.csv"), SurfaceMaps(whole)
     (tiny,) = np.flatnonzero(np.diff(maps.position) < 1e-4) + 1
     y, time = maps.heading.line.place[:, 1], maps.time
     thickness = thickness_at(table, y)
-    alone, mean = (
+    single, mean = (
         (thickness[tiny] - thickness[k]) / (time[tiny] - time[k]) for k in (tiny - 1, tiny - 2)
     )
-    assert alone.max() > 100.0 * mean.max() > 0.0
+    assert single.max() > 100.0 * mean.max() > 0.0
     assert maps["I2"][tiny] == pytest.approx(np.maximum(mean, 0.0), rel=1e-6, abs=1e-12)
     after = (thickness[tiny + 1] - thickness[tiny]) / (time[tiny + 1] - time[tiny])
     assert maps["I2"][tiny + 1] == pytest.approx(np.maximum(after, 0.0), rel=1e-6, abs=1e-12)
@@ -255,8 +255,8 @@ def test_no_rate_is_told_of_a_window_of_no_length(tmp_path: Path) -> None:
         assert (broken / name).read_bytes() == (whole / name).read_bytes(), name
 
 
-def test_rates_go_by_the_windows_that_are_taken(tmp_path: Path) -> None:
-    """An interval longer than all of them, for they end where the rolls bend, blurs no rate."""
+def test_rates_are_those_of_the_actual_windows(tmp_path: Path) -> None:
+    """Windows end where the rolls bend, so an interval longer than all of them smears no rate."""
     rates = []
     for interval in ("0.8 m", "20 m"):
         folder = tmp_path / interval
@@ -265,10 +265,10 @@ def test_rates_go_by_the_windows_that_are_taken(tmp_path: Path) -> None:
     assert rates[0].max() > 0.0 and (rates[0] == rates[1]).all()
 
 
-def test_windows_grow_where_the_strain_goes_on_evenly(tmp_path: Path) -> None:
-    """From each kink of the curvature on; with less error allowed they do so less.
+def test_windows_grow_where_the_strain_is_steady(tmp_path: Path) -> None:
+    """They grow after each kink of the curvature, less so with a smaller allowed error.
 
-    A run that is cut off goes on with the windows that it had.
+    A run that is cut off continues with its windows.
     """
     coupling: dict[str, Any] = {"interval": "25 mm", "growth": 6.0}
     whole, broken, strict = (tmp_path / name for name in ("whole", "broken", "strict"))
@@ -305,25 +305,25 @@ def test_damaged_or_missing_maps_are_not_resumed(tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
-def test_ranks_do_not_show_in_the_maps(shared_folder: Path) -> None:
-    alone, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
-    loop.run(judged(CUT), alone, comm=MPI.COMM_SELF)
+def test_ranks_agree_in_the_maps(shared_folder: Path) -> None:
+    single, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
+    loop.run(judged(CUT), single, comm=MPI.COMM_SELF)
     loop.run(judged(CUT), many, comm=MPI.COMM_WORLD)
     MPI.COMM_WORLD.Barrier()
-    one, two = SurfaceMaps(alone), SurfaceMaps(many)
+    one, two = SurfaceMaps(single), SurfaceMaps(many)
     assert one.heading.text() == two.heading.text()
     for name in one.names():
         size = np.abs(one[name]).max()
         assert two[name] == pytest.approx(one[name], rel=1e-6, abs=1e-7 * size), name
     ours, theirs = (
         json.loads((path / "summary.json").read_text())["quantities"]["way_I2_max"]["label"]
-        for path in (alone, many)
+        for path in (single, many)
     )
     assert ours == theirs
 
 
 def declare_range() -> None:
-    """An index that castfem does not have; the whole of it is in here."""
+    """Declare an index that castfem does not have; all of it is here."""
 
     @crack_index("swing", unit="K", label="largest swing of temperature", accumulates=True)
     def swing(step: SliceStep) -> Array:
@@ -331,8 +331,8 @@ def declare_range() -> None:
         return np.maximum(step.value, np.abs(step.temperature - step.earlier))
 
 
-def test_a_new_index_is_one_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Declared here, and nowhere else: in history, summary and maps, going on when resumed."""
+def test_new_index_is_one_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Declared only here: in history, summary and maps, and continued after a resume."""
     quantities.declared()
     monkeypatch.setattr(quantities, "_declared", dict(quantities._declared))
     monkeypatch.setattr(registry, "_declared", dict(registry._declared))
@@ -351,8 +351,8 @@ def test_a_new_index_is_one_function(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert_named_everywhere("way_swing_max", "2 K")
 
 
-def test_the_index_of_the_manual_is_known_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`tension` of docs/output.md, its code as it stands there."""
+def test_index_of_the_manual_is_available_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`tension` of docs/output.md, by the code on that page."""
     quantities.declared()
     monkeypatch.setattr(quantities, "_declared", dict(quantities._declared))
     monkeypatch.setattr(registry, "_declared", dict(registry._declared))
@@ -362,22 +362,22 @@ def test_the_index_of_the_manual_is_known_everywhere(monkeypatch: pytest.MonkeyP
         assert_named_everywhere(name, "2 MPa")
 
 
-def test_the_manual_has_each_map_of_the_surface() -> None:
+def test_manual_has_each_map_of_the_surface() -> None:
     page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
     rows = page.partition("| map | description |")[2].partition("\n\n")[0].splitlines()
-    told = {name for row in rows for name in re.findall(r"`(\w+)`", row.split(" | ")[0])}
+    listed = {name for row in rows for name in re.findall(r"`(\w+)`", row.split(" | ")[0])}
     maps = {one.name for one in registry.declared_indexes() if one.on == "surface"}
-    assert not told ^ maps, f"table of maps in docs/output.md, by hand: {sorted(told ^ maps)}"
+    assert not listed ^ maps, f"table of maps in docs/output.md, by hand: {sorted(listed ^ maps)}"
 
 
-def test_a_case_without_it_writes_nothing_of_it(tmp_path: Path) -> None:
+def test_case_without_indexes_writes_no_maps(tmp_path: Path) -> None:
     loop.run(small(), tmp_path / "out", comm=MPI.COMM_SELF)
     assert not {MAPS_NAME, ROWS_NAME} & {path.name for path in (tmp_path / "out").iterdir()}
     assert "quality" not in (tmp_path / "out" / "case.toml").read_text()
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "told"),
+    ("key", "value", "message"),
     [
         ("band", '["950 degC", "800 degC"]', "lower end comes first"),
         (
@@ -390,7 +390,9 @@ def test_a_case_without_it_writes_nothing_of_it(tmp_path: Path) -> None:
         ("bend", "1", "band"),
     ],
 )
-def test_what_is_wrong_is_told_by_its_key(tmp_path: Path, key: str, value: str, told: str) -> None:
+def test_invalid_input_is_rejected_with_its_key(
+    tmp_path: Path, key: str, value: str, message: str
+) -> None:
     with pytest.raises(InputError) as error:
         load_case(write_small(tmp_path), [f"quality.{key}={value}"])
-    assert f"quality.{key}" in str(error.value) and told in str(error.value)
+    assert f"quality.{key}" in str(error.value) and message in str(error.value)

@@ -1,4 +1,4 @@
-"""A quantity is declared once: column, unit, label, result and page follow from the registry."""
+"""A quantity is declared once: column, unit, label, result and page come from the registry."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ ROOT = Path(__file__).parents[2]
 HALF_SPACE = ROOT / "cases" / "verification" / "weiner_boley_coarse.toml"
 OSCILLATION = ("mould.oscillation.stroke=6 mm", "mould.oscillation.frequency=150 1/min")
 SMOOTH = "output.smooth=true"
-# What a quarter of a billet in its mould has not.
+# Requirements that a quarter of a billet in its mould does not fulfil.
 OTHERS = {
     "bending", "quality", "extraction", "bulging", "edge_rolls", "tilt_x", "tilt_y", "closed_form",
 }  # fmt: skip
@@ -77,7 +77,7 @@ THIN = (
 
 
 def declare_mean() -> Callable[[Sample], float]:
-    """A quantity that castfem does not have; the whole of it is in here."""
+    """Declare a quantity that castfem does not have; all of it is here."""
 
     @quantity("temperature_mean", unit="degC", label="mean temperature")
     def mean(sample: Sample) -> float:
@@ -91,10 +91,11 @@ def declare_mean() -> Callable[[Sample], float]:
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, ...]]:
-    """The last sample of a billet with friction, and of six strands.
+    """Return the last sample of a billet with friction, and of six strands.
 
-    One has frozen, one is bent and drawn, one bulges between its rolls, which are at its narrow
-    faces, too, one is free to tilt, one has a closed form, one is followed for hot tears.
+    One has frozen, one is bent and drawn, one bulges between rolls, also at its narrow faces, one
+    is free to tilt, one has a closed form, one is followed for hot tears.
+
     """
     thin = write_small(tmp_path_factory.mktemp("thin"))
     curved = drawn(quality={"critical_strain": 0.01} | TEARING, casting__length="0.7 m")
@@ -120,8 +121,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, 
 
 
 @pytest.mark.parametrize("definition", declared(), ids=lambda d: d.name)
-def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Sample, ...]) -> None:
-    """Units that are known and measure the same, a label, a page, and a finite value."""
+def test_quantity_is_complete(definition: QuantityDefinition, samples: tuple[Sample, ...]) -> None:
+    """Known units of one dimension, a label, a page, and a finite value."""
     d = definition
     assert d.column or d.row
     assert si_unit(d.unit) == si_unit(d.shown or d.unit)
@@ -147,13 +148,13 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
             assert d.in_unit(value) == pytest.approx(result.shown, rel=1e-14, abs=1e-30)
 
 
-def test_the_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> None:
-    """Below the maximum and near to it; exact where all is even; no kink where two peaks swap."""
+def test_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> None:
+    """Below and close to the maximum; exact for a uniform stress; smooth where two peaks swap."""
     strained, _, _, rolled, *_ = samples
     twin, way = strained.strained.smooth, strained.smooth_stress
     assert 0.85 * strained.strained.peak < twin.stress < strained.strained.peak
     assert 0.8 * strained.largest_stress.stress < way.stress < strained.largest_stress.stress
-    assert rolled.strained.smooth is rolled.smooth_stress is None  # not asked for
+    assert rolled.strained.smooth is rolled.smooth_stress is None  # not requested
     comm, area = MPI.COMM_SELF, np.array([1.0, 2.0, 1.0])
     assert smooth_peak(comm, np.full(3, 7e6), area).stress == pytest.approx(7e6, rel=1e-14)
     assert smooth_peak(comm, np.zeros(3), area).stress == 0.0
@@ -166,10 +167,10 @@ def test_the_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> N
     assert swapped(3.0) == pytest.approx(13.0, rel=1e-6)
 
 
-def test_the_smooth_twin_on_the_way() -> None:
-    """Of a stress that grows as the way z, by any section: 32/33 of the last; then it falls.
+def test_smooth_twin_along_the_strand() -> None:
+    """For a stress that grows with z, at any section: 32/33 of the last; then it falls.
 
-    Taken up from its memory half-way, and told of one slice twice, it comes to the same.
+    Restored from its memory half-way, and given each slice twice, it is the same.
     """
     positions = np.linspace(0.0, 0.6, 301)
     stresses = np.concatenate([1e7 * positions[:201] / 0.4, np.full(100, 1e6)])
@@ -180,12 +181,12 @@ def test_the_smooth_twin_on_the_way() -> None:
             twin.recall(stored)
         for _ in range(2):
             twin.add(SmoothPeak(stress, 3e-4, 3e-4), position)
-    half = 0.5 * 0.002 * 1.0  # of the rule, to where the stress has fallen
+    half = 0.5 * 0.002 * 1.0  # of the quadrature, to where the stress has fallen
     exact = (0.4 / 33 + half) / (0.4 / 32 + half) * 1e7
     assert twin.stress == pytest.approx(exact, rel=2e-4)
 
 
-def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> None:
+def test_sample_has_the_results_of_its_simulation(samples: tuple[Sample, ...]) -> None:
     strained, frozen, *_ = samples
     thermal = {d.name for d, _ in of_simulation.columns_of(frozen.simulation)}
     assert "shell" in thermal and not thermal & {"von_mises", "gap_max", "mould_pull"}
@@ -197,14 +198,14 @@ def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> No
     }
 
 
-def test_the_page_is_that_of_the_registry() -> None:
+def test_page_is_that_of_the_registry() -> None:
     page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
-    assert written(page) == page, "write it anew: make pages"
+    assert written(page) == page, "regenerate it: make pages"
     for d in declared():
         assert f"`{d.named('P' if d.each else '')}`" in page, d.name
 
 
-def test_what_is_looked_at_first_are_results() -> None:
+def test_headline_quantities_are_results() -> None:
     for name in HEADLINE:
         found = find(name)
         assert found is not None and found[0].row, name
@@ -212,13 +213,13 @@ def test_what_is_looked_at_first_are_results() -> None:
 
 @pytest.fixture
 def declaring(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a test declares is forgotten after it."""
+    """Forget the declarations of a test after it."""
     declared()
     monkeypatch.setattr(registry, "_declared", dict(registry._declared))
 
 
-def test_a_new_quantity_is_one_function(tmp_path: Path, declaring: None) -> None:
-    """Declared here, and nowhere else: in history, summary, tables and on an axis."""
+def test_new_quantity_is_one_function(tmp_path: Path, declaring: None) -> None:
+    """Declared only here: in history, summary, tables and on an axis."""
     assert len(inspect.getsource(declare_mean()).splitlines()) < 8
     case = load_case(write_small(tmp_path))
     summary = loop.run(case, tmp_path / "out", comm=MPI.COMM_SELF)
@@ -238,8 +239,8 @@ def test_a_new_quantity_is_one_function(tmp_path: Path, declaring: None) -> None
     assert_named_everywhere("temperature_mean", "1400 degC")
 
 
-def test_the_column_of_the_manual_is_compared_with_its_reference(declaring: None) -> None:
-    """`corner_lag` of docs/output.md, without its run: declared once, known to a case's tables."""
+def test_column_of_the_manual_is_compared(declaring: None) -> None:
+    """`corner_lag` of docs/output.md, without its run: declared once, valid in a case's tables."""
     page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
     code = page.partition("### A column of your own")[2].partition("```python\n")[2]
     exec(code.partition("\nresult = ")[0], {})
@@ -263,8 +264,8 @@ def test_columns_have_units_and_are_no_results() -> None:
     assert registry.unit_of("axial_strain") == "1" and registry.unit_of("gap_tips") is None
 
 
-def test_a_quantity_of_the_slice_is_no_probe(declaring: None) -> None:
-    """Whatever its name begins with."""
+def test_quantity_of_the_slice_is_no_probe(declaring: None) -> None:
+    """With any beginning of its name."""
     table = pandas.DataFrame({"shell_mid_face": [1.0, 2.0], "shell_lag": [0.5, 0.5]})
     assert set(probes_with(table, "shell")) == {"mid_face", "lag"}
     quantity("shell_lag", unit="mm", label="shell, corner behind mid-face")(lambda sample: 0.0)
@@ -273,7 +274,7 @@ def test_a_quantity_of_the_slice_is_no_probe(declaring: None) -> None:
     assert_named_everywhere("shell_lag", "2 mm")
 
 
-def test_the_longer_name_goes_before_the_shorter(declaring: None) -> None:
+def test_longer_name_has_precedence(declaring: None) -> None:
     """At the probes, too."""
     one = quantity("shell_growth", unit="mm/s", label="growth of the shell, {}", each="probe")
     one(lambda sample, probe: 0.0)
@@ -282,7 +283,7 @@ def test_the_longer_name_goes_before_the_shorter(declaring: None) -> None:
 
 
 @needs_mpirun
-def test_a_new_quantity_may_add_up_over_the_ranks(tmp_path: Path) -> None:
+def test_new_quantity_may_sum_over_the_ranks(tmp_path: Path) -> None:
     imports = (
         "import sys; from collections.abc import Callable; from mpi4py import MPI; "
         "from castfem.model import load_case; "
@@ -302,14 +303,14 @@ def test_a_new_quantity_may_add_up_over_the_ranks(tmp_path: Path) -> None:
     assert found[0] == pytest.approx(found[1], rel=1e-9)
 
 
-def test_what_is_declared_twice_or_needs_nonsense_is_refused(declaring: None) -> None:
+def test_duplicate_or_meaningless_declarations_are_refused(declaring: None) -> None:
     with pytest.raises(ValueError, match="two quantities are named shell"):
         quantity("shell", unit="mm", label="shell")(lambda sample: 0.0)
     with pytest.raises(ValueError, match="gearbox"):
         quantity("grip", unit="mm", label="grip", needs=("gearbox",))(lambda sample: 0.0)
 
 
-def test_a_result_in_any_run_is_called_without_the_place_of_one() -> None:
+def test_general_label_has_no_place() -> None:
     at = "largest von Mises stress, at x = 72.7, y = 72.4 mm"
     assert registry.general_label("von_mises_max", at) == "largest von Mises stress"
     assert registry.general_label("heat_removed", "heat at 600 mm") == "heat at 600 mm"

@@ -1,4 +1,4 @@
-"""Results of a section and of its mould: sizes, pool, gaps, resolution of the shell."""
+"""Results of a section and its mould: sizes, pool, gaps, resolution of the shell."""
 
 from __future__ import annotations
 
@@ -81,10 +81,10 @@ def bar(folder: Path) -> Kept:
     return run_in_memory(load_case(folder / "bar.toml"))
 
 
-def test_a_bent_bar_has_the_thickness_of_its_mean_temperature(bent: Kept) -> None:
+def test_bent_bar_has_the_thickness_of_its_mean_heat(bent: Kept) -> None:
     """Free stresses have no resultant, so the thickness shrinks by the mean thermal strain.
 
-    The bar tilts and moves as a whole, towards its cold side: no side by itself tells its size.
+    The bar tilts and moves as a body towards its cold side: no single side has its size.
     """
     last = bent.samples[-1]
     shrunk = sum(
@@ -98,8 +98,8 @@ def test_a_bent_bar_has_the_thickness_of_its_mean_temperature(bent: Kept) -> Non
     assert apart > 0.5 * abs(shrunk)
 
 
-def test_a_free_bar_tilts_by_the_moment_of_its_thermal_strain(bent: Kept) -> None:
-    """Stresses that have no moment: a2 = int e_thermal y dy / (h^3 / 12); nothing tilts it in x."""
+def test_free_bar_tilts_by_its_thermal_moment(bent: Kept) -> None:
+    """The stress has no moment: a2 = int e_thermal y dy / (h^3 / 12); no moment tilts it in x."""
     last = bent.samples[-1]
     moment = 0.0
     for name, side in (("mid_face", 1.0), ("mid_face_extrados", -1.0)):
@@ -120,7 +120,7 @@ def test_opposite_places() -> None:
     assert opposite({"surface": (3.0, 0.0)}, 1) == {"surface": "surface"}
 
 
-# Ends of the pool, mean flux of the mould, and what tables of many runs tell of contact
+# Ends of the pool, mean flux of the mould, and contact in tables of many runs
 
 
 FLUX = [{"law": "flux", "value": "2 MW/m^2"}]
@@ -135,8 +135,8 @@ def zones(mould: str) -> list[dict[str, object]]:
     return [{"name": "mould", "to": mould, "surface": FLUX}, {"name": "spray", "surface": [air]}]
 
 
-def test_the_mean_flux_of_a_mould_with_one_flux_is_that_flux(tmp_path: Path) -> None:
-    """Also below the mould, and over a run that is resumed there."""
+def test_mean_flux_of_a_mould_with_one_flux(tmp_path: Path) -> None:
+    """Also below the mould, and in a run that is resumed there."""
     case = small({"cooling": zones("30 mm"), "casting.length": "45 mm"})
     first = castfem.run(case, tmp_path).quantities["mould_mean_flux"]
     assert first == pytest.approx(2e6, rel=1e-6)
@@ -163,7 +163,7 @@ def test_no_mean_without_a_mould() -> None:
     assert "mould_mean_flux" not in castfem.run(case).quantities
 
 
-def test_the_liquid_core_ends_above_the_mushy_one(tmp_path: Path) -> None:
+def test_liquid_core_ends_above_the_mushy_one(tmp_path: Path) -> None:
     case = small({**THIN, "cooling": zones("200 mm"), "casting.length": "1.5 m"})
     result = castfem.run(case, tmp_path)
     found = result.quantities
@@ -181,11 +181,11 @@ def test_the_liquid_core_ends_above_the_mushy_one(tmp_path: Path) -> None:
     assert "is not solid" not in text
 
 
-def test_a_strand_that_is_not_solid_says_so(tmp_path: Path) -> None:
+def test_strand_that_is_not_solid_is_reported(tmp_path: Path) -> None:
     case = small({**THIN, "cooling": zones("100 mm"), "casting.length": "200 mm"})
     assert "metallurgical_length" not in castfem.run(case, tmp_path).quantities
-    told = "at the end of the run, at 0.2 m, the strand is not solid: its core is"
-    assert told in printed(tmp_path, 100, figures=False)
+    message = "at the end of the run, at 0.2 m, the strand is not solid: its core is"
+    assert message in printed(tmp_path, 100, figures=False)
 
 
 def test_contact_and_thinnest_shell_for_tables_of_many_runs(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_contact_and_thinnest_shell_for_tables_of_many_runs(tmp_path: Path) -> N
     assert set(found) == set(headline([found]))
 
 
-def test_contact_that_is_not_regained_has_no_place(tmp_path: Path) -> None:
+def test_contact_not_regained_has_no_place(tmp_path: Path) -> None:
     folder = write_strained(tmp_path)
     lines = (folder / "history.csv").read_text().splitlines()
     kept = [line for line in lines[1:] if float(line.split(",")[1]) < 0.3]
@@ -209,7 +209,7 @@ def test_contact_that_is_not_regained_has_no_place(tmp_path: Path) -> None:
     assert np.isnan(derived(folder, summary)["contact_regained"].value)
 
 
-# The largest gap of a section is that of points and vertices, the probes' among them
+# The largest gap of a section is over integration points and vertices, the probes included
 
 
 NOWHERE = np.zeros(2)
@@ -234,7 +234,7 @@ def of_points(gap: float) -> ContactSummary:
         (0.459e-3, [], 0.459e-3, (0.05, 0.05)),  # a rank without surface
     ],
 )
-def test_the_larger_counts(
+def test_larger_gap_counts(
     points: float, vertices: list[float], gap: float, at: tuple[float, float]
 ) -> None:
     places = PLACES[: len(vertices)]
@@ -257,7 +257,7 @@ def test_the_larger_counts(
         (0.4, 1.0, "0"),
     ],
 )
-def test_the_last_digit_is_at_the_place_of_the_first_of_what_is_resolved(
+def test_last_digit_is_the_first_one_of_the_resolution(
     value: float, resolution: float | None, printed: str
 ) -> None:
     assert shown(value, "mm", resolution) == printed
@@ -274,7 +274,7 @@ def test_other_units_have_no_more_digits(
     assert shown(value, unit, resolution) == printed
 
 
-def test_depths_have_a_sixth_of_the_cell_in_which_they_lie() -> None:
+def test_depths_have_a_sixth_of_their_cell() -> None:
     found = resolved(
         {
             "shell_mid_face": Quantity(0.0391234, "mm", "shell"),
@@ -292,12 +292,12 @@ def test_depths_have_a_sixth_of_the_cell_in_which_they_lie() -> None:
     assert cells("fs70_corner", found["fs70_corner"]) == ("20.1", "mm")
 
 
-def test_an_error_stands_in_its_place() -> None:
+def test_error_replaces_the_resolution() -> None:
     known = Quantity(0.0391234, "mm", "shell", error=2e-4, resolution=2e-3)
     assert cells("shell_mid_face", known) == ("39.12 ± 0.20", "mm")
 
 
-def test_it_is_written_and_read_and_taken_from_the_history() -> None:
+def test_resolution_is_written_read_and_in_the_history() -> None:
     units = {"shell_mid_face": "mm", "solidus_cell_mid_face": "mm", "position": "m"}
     row = {"shell_mid_face": 39.1234, "solidus_cell_mid_face": 12.0, "position": 4.11}
     found = last_quantities(row, units)

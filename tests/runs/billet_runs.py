@@ -20,9 +20,9 @@ from castfem.runs.results.sample import Sample
 from castfem.runs.results.summary import summarise
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
-# Tests of steps, files and resuming keep the liquid where it is. Those that leave the mould within
-# 100 mm (test_mould_end) or load a strand before it has a shell (test_axial_forces) have no answer
-# with liquid that is fed. `shipped` is for all others.
+# Tests of steps, files and resuming use elastic liquid. Runs that leave the mould within 100 mm
+# (test_mould_end) or load a strand before it has a shell (test_axial_forces) have no solution with
+# fed liquid. All others use `shipped`.
 ELASTIC = (
     "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
 )  # fmt: skip
@@ -30,7 +30,7 @@ FED = ("mechanics.liquid=fed", "mechanics.mush=none", "mechanics.ferrostatic=ful
 
 
 def cells(surface: float, face: float, core: float) -> tuple[str, ...]:
-    """Sizes of cells, mm: at the surface and its corners, along the faces, in the core."""
+    """Return sizes of cells, mm: at the surface and its corners, along the faces, in the core."""
     sizes = {"surface": surface, "corner": surface, "face": face, "core": core}
     return tuple(f"mesh.{place}_size={size} mm" for place, size in sizes.items())
 
@@ -40,13 +40,13 @@ COARSE = (*cells(2, 10, 14), "coupling.interval=0.25 s", *SILENT)
 
 
 def billet(name: str, *overrides: str) -> Case:
-    """One of the shipped billets on a coarse mesh, its liquid elastic."""
+    """Return a shipped billet on a coarse mesh, with elastic liquid."""
     liquid = () if name == "thermal" else ELASTIC
     return load_case(CASES / f"{name}.toml", (*COARSE, *liquid, *overrides))
 
 
 def shipped(name: str, *overrides: str) -> Case:
-    """The same with the liquid that is shipped."""
+    """Return a shipped billet on a coarse mesh, with the shipped model of the liquid."""
     return load_case(CASES / f"{name}.toml", (*COARSE, *overrides))
 
 
@@ -57,7 +57,7 @@ def run(case: Case, folder: Path, **options: object) -> Summary:
 
 @contextmanager
 def simulated(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Iterator[Simulation]:
-    """The objects of a run, whose PETSc objects are freed in the end."""
+    """Build the objects of a run, and free their PETSc objects at the end."""
     simulation = build(case, comm)
     try:
         yield simulation
@@ -67,7 +67,7 @@ def simulated(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Iterator[Simulation
 
 @dataclass
 class Kept:
-    """Every sample of a run in memory, and its state after each step."""
+    """Keeps every sample of a run in memory, and its state after each step."""
 
     samples: list[Sample] = field(default_factory=list)
     states: list[StrandState] = field(default_factory=list)
@@ -78,7 +78,7 @@ class Kept:
         self.states.append(run.state)
 
     def value(self, name: str) -> float:
-        """A result where the run ended, SI."""
+        """Return a result at the end of the run, SI."""
         return self.summary.quantities[name].value
 
 

@@ -1,4 +1,4 @@
-"""A slab whose wide faces bulge between three pairs of rolls, and what its rolls remember."""
+"""A slab whose wide faces bulge between three pairs of rolls, and the state of its rolls."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ SLAB: dict[str, Any] = {
 
 
 def slab(**changes: object) -> Case:
-    """400 x 100 mm over three pairs of rolls; `a__b=c` replaces what stands at a.b."""
-    given = {key.replace("__", "."): value for key, value in changes.items()}
-    table = deepcopy(SLAB) | given
+    """Return a slab of 400 x 100 mm on three pairs of rolls; `a__b=c` replaces the value of a.b."""
+    replaced = {key.replace("__", "."): value for key, value in changes.items()}
+    table = deepcopy(SLAB) | replaced
     return small({key: value for key, value in table.items() if value is not None})
 
 
@@ -55,5 +55,5 @@ def rolls_of(sample: Sample) -> RollSupportState:
 
 
 def below(kept: Kept, position: float) -> Sample:
-    """The first sample below a position, m."""
+    """Return the first sample below a position, m."""
     return next(s for s in kept.samples if s.position > position + 1e-6)

@@ -1,4 +1,4 @@
-"""Cases whose rolls bend the strand: planes, halves, history, and what is refused.
+"""Cases whose rolls bend the strand: planes, halves, history, and invalid input.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -25,19 +25,19 @@ from castfem.runs.output.summary_file import Summary
 
 
 def samples_of(case: Case) -> tuple[list[Any], float]:
-    """Samples of a run in memory, and how often the modelled part makes up the section."""
+    """Return the samples of a run in memory, and the number of modelled parts in the section."""
     return run_in_memory(case).samples, {"half": 2.0, "whole": 1.0}[case.section.symmetry]
 
 
 def planes_of(case: Case) -> tuple[BentPlanes, Callable[[float], float]]:
-    """The planes of a case, and where its slice is over time."""
+    """Return the planes of a case, and the position of its slice over time."""
     with simulated(case) as simulation:
         planes = simulation.mechanics.problem.slice.planes
         assert isinstance(planes, BentPlanes)
         return planes, simulation.machine.position
 
 
-def test_the_planes_follow_the_rolls() -> None:
+def test_planes_follow_rolls() -> None:
     """(41): a2 = -a0 / (R - f/2), 1/R linear between the rolls; through states of a run."""
     kept = run_in_memory(bent())
     rolls, chi = [0.1, 0.6, 1.35], [0.0, 1.0 / RADIUS, 0.0]
@@ -53,11 +53,11 @@ def test_the_planes_follow_the_rolls() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "axis"), [("intrados", HALF), ("centre", 0.0), ("extrados", -HALF), ("20 mm", 0.02)]
+    ("place", "axis"), [("intrados", HALF), ("centre", 0.0), ("extrados", -HALF), ("20 mm", 0.02)]
 )
-def test_an_imposed_neutral_axis(given: str, axis: float) -> None:
-    """(42)-(44): thickness 1 at y1."""
-    planes, position = planes_of(bent(mechanics__planes={"neutral_axis": given}))
+def test_imposed_neutral_axis(place: str, axis: float) -> None:
+    """(42)-(44): the thickness is 1 at y1."""
+    planes, position = planes_of(bent(mechanics__planes={"neutral_axis": place}))
     assert planes.free == ()
     time = 0.7 / 0.06
     assert position(time) == pytest.approx(0.7, rel=1e-12)
@@ -67,7 +67,7 @@ def test_an_imposed_neutral_axis(given: str, axis: float) -> None:
     assert a2 == pytest.approx(-1.0 / (radius - HALF - axis), rel=1e-12)
 
 
-def test_a_neutral_axis_on_the_face_that_would_be_compressed(tmp_path: Path) -> None:
+def test_neutral_axis_on_the_compressed_face(tmp_path: Path) -> None:
     """Intrados in bending, extrados in straightening; the resolved case has both."""
     given = {"bending": "intrados", "straightening": "-50 mm"}
     case = bent(mechanics__planes={"neutral_axis": given}, casting__length="1.5 m")
@@ -82,8 +82,8 @@ def test_a_neutral_axis_on_the_face_that_would_be_compressed(tmp_path: Path) -> 
     assert load_case(tmp_path / "case.toml").physics_hash() == case.physics_hash()
 
 
-def test_an_effort_from_a_file(tmp_path: Path) -> None:
-    """Over position, of the whole strand; the resolved case has its rows."""
+def test_force_from_a_file(tmp_path: Path) -> None:
+    """Over position, for the whole strand; the resolved case has its rows."""
     path = tmp_path / "effort.csv"
     path.write_text("position [mm], value [kN]\n0, 0\n500, 20\n1500, 40\n")
     given = {"force": {"file": str(path)}, "force_contains_bending": True}
@@ -99,7 +99,7 @@ def test_an_effort_from_a_file(tmp_path: Path) -> None:
     assert load_case(resolved).physics_hash() == case.physics_hash()
 
 
-def test_a_half_bears_half() -> None:
+def test_half_takes_half_of_the_load() -> None:
     """Force over position, moment and work of the whole strand, strain: whole = half."""
     table = {"position": [0, 1.5], "position_unit": "m", "value": [0, 60], "unit": "kN"}
     planes = {"force": table, "force_contains_bending": False}
@@ -116,14 +116,14 @@ def test_a_half_bears_half() -> None:
         found = parts * getattr(ours.bending, name)
         assert found == pytest.approx(getattr(theirs.bending, name), rel=1e-5)
     assert ours.strain == pytest.approx(theirs.strain, rel=1e-6)
-    # N = F + k M - int M dk, as the summary says.
+    # N = F + k M - int M dk, as in the summary.
     assert ours.bending_force != 0.0
     left = ours.balance.axial[0] - ours.load - ours.bending_force
     assert abs(left) < 1e-7 * ours.load
 
 
 def test_history_and_summary_name_the_faces(tmp_path: Path) -> None:
-    """Intrados is y > 0; a run that is resumed has bent as one that was not."""
+    """Intrados is y > 0; a resumed run has bent as an uninterrupted one."""
     case = bent()
     loop.run(case, tmp_path / "whole", comm=MPI.COMM_SELF)
     short = case.with_({"casting.length": "0.8 m"})
@@ -171,8 +171,8 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("mistake", REFUSED)
-def test_what_is_refused(mistake: str) -> None:
-    """One line each: key, reason, mend."""
+def test_invalid_input_is_rejected(mistake: str) -> None:
+    """One line each: key, reason, fix."""
     changes, key, words = REFUSED[mistake]
     if mistake == "straight":
         changes = {**changes, "machine": {"first": "100 mm", "segment": [SEGMENT]}}

@@ -1,4 +1,4 @@
-"""What a run tells of its law's data and of itself; cases without an answer, refused by name."""
+"""Warnings about a law's data and about the run itself; cases without a solution are refused."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS = ("colder", "hotter", "faster")
 
 
 def own_law(folder: Path, low: str, high: str, fast: str) -> str:
-    """A copy of the set with other data."""
+    """Return the override for a copy of the data set with other limits."""
     text = SET.read_text(encoding="utf-8")
     for old, new in (("950 degC", low), ("1400 degC", high), ("1e-3 1/s", fast)):
         assert text.count(f'"{old}"') == 1
@@ -33,14 +33,14 @@ def own_law(folder: Path, low: str, high: str, fast: str) -> str:
     return f"mechanics.law={folder}/law.toml"
 
 
-def test_the_summary_has_the_largest_shares(tmp_path: Path) -> None:
+def test_summary_has_the_largest_shares(tmp_path: Path) -> None:
     words = own_law(tmp_path, "1390 degC", "1440 degC", "1e-4 1/s"), LONG
     case = billet("idealised", *words)
     kept = run_in_memory(case)
-    told = [sample.strained.beyond for sample in kept.samples]
-    assert not told[0] and told[-1]  # no shell at the meniscus
+    reported = [sample.strained.beyond for sample in kept.samples]
+    assert not reported[0] and reported[-1]  # no shell at the meniscus
     for kind in KINDS:
-        shares = [beyond.get(kind, -1.0) for beyond in told]
+        shares = [beyond.get(kind, -1.0) for beyond in reported]
         most = int(np.argmax(shares))
         assert 0.0 < shares[most] <= 1.0
         found = kept.summary.quantities[f"{kind}_than_data"]
@@ -49,8 +49,8 @@ def test_the_summary_has_the_largest_shares(tmp_path: Path) -> None:
     assert "1390 degC" in kept.summary.quantities["colder_than_data"].label
 
 
-def test_the_share_is_that_of_the_shell(tmp_path: Path) -> None:
-    """All of it below a temperature that it has passed, none of it above, and what is between."""
+def test_share_is_that_of_the_shell(tmp_path: Path) -> None:
+    """All of it below a temperature that it has passed, none above, and a part in between."""
     shares = {}
     for low in ("1480 degC", "1390 degC", "500 degC"):
         words = own_law(tmp_path, low, "1500 degC", "1 1/s"), LONG
@@ -61,8 +61,8 @@ def test_the_share_is_that_of_the_shell(tmp_path: Path) -> None:
     assert all(found["hotter"] == found["faster"] == 0.0 for found in shares.values())
 
 
-def test_the_rate_is_that_of_the_strain(tmp_path: Path) -> None:
-    """From the rates that a state has, as from the strains of two states."""
+def test_rate_is_that_of_the_strain(tmp_path: Path) -> None:
+    """From the rates of one state, as from the strains of two states."""
     with simulated(billet("idealised", "casting.length=150 mm")) as simulation:
         kept = Kept()
         TimeLoop(simulation, kept).run()  # type: ignore[arg-type]
@@ -75,8 +75,8 @@ def test_the_rate_is_that_of_the_strain(tmp_path: Path) -> None:
         assert np.abs(found - goal).max() < 1e-6 * np.abs(goal).max()
 
 
-def test_it_is_remembered(tmp_path: Path) -> None:
-    """A run that is resumed tells what one without a pause tells."""
+def test_shares_survive_a_resume(tmp_path: Path) -> None:
+    """A resumed run reports the same as an uninterrupted one."""
     law = own_law(tmp_path, "1390 degC", "1440 degC", "1e-4 1/s")
     whole = run(billet("idealised", law, LONG), tmp_path / "whole")
     run(billet("idealised", law, "casting.length=270 mm"), tmp_path / "parts")
@@ -89,7 +89,7 @@ def test_it_is_remembered(tmp_path: Path) -> None:
         assert other.label == one.label
 
 
-def test_a_law_that_does_not_say_has_no_share() -> None:
+def test_law_without_data_range_has_no_share() -> None:
     assert load_law("weiner_boley", load_elasticity()).data is None
     for name in ("kozlowski_zhu_signed", "kozlowski_zhu_mixed"):
         data = load_law(name, load_elasticity(), carbon=0.1).data
@@ -99,7 +99,7 @@ def test_a_law_that_does_not_say_has_no_share() -> None:
     assert not any(name.endswith("than_data") for name in kept.summary.quantities)
 
 
-# Numbers of a run that are neither a cell's nor a moment's, and one unit for each
+# Results of a run that belong to no cell and no instant, and one unit for each
 
 
 RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
@@ -107,14 +107,14 @@ RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
 
 @pytest.fixture(scope="module")
 def with_friction(tmp_path_factory):
-    """A billet with friction to below its mould: summary and history."""
+    """Return summary and history of a billet with friction to below its mould."""
     folder = tmp_path_factory.mktemp("rubbed")
     changes = ("mould.length=90 mm", "cooling.mould.to=90 mm", "casting.length=150 mm")
     return run(billet("taper_1", RUBBED, *changes), folder), read_history(folder / "history.csv")
 
 
-def test_a_quantity_has_the_same_unit_in_the_history_and_in_the_summary(with_friction) -> None:
-    """And the same value in the last row."""
+def test_units_agree_in_history_and_summary(with_friction) -> None:
+    """The values agree with the last row, too."""
     summary, table = with_friction
     units, both = table.attrs["units"], 0
     for name, quantity in summary.quantities.items():
@@ -127,7 +127,7 @@ def test_a_quantity_has_the_same_unit_in_the_history_and_in_the_summary(with_fri
     assert {"contact_share", "contact_sticking", "mould_friction", "mould_pull"} <= set(units)
 
 
-def test_the_largest_on_the_way_are_told_beside_those_of_the_end(with_friction) -> None:
+def test_largest_values_are_in_the_summary(with_friction) -> None:
     summary, table = with_friction
     value = {name: q.value for name, q in summary.quantities.items()}
     assert value["way_von_mises_max"] == pytest.approx(1e6 * table["von_mises_max"].max())
@@ -145,7 +145,7 @@ def test_the_largest_on_the_way_are_told_beside_those_of_the_end(with_friction) 
         assert (table[f"contact_pressure_{probe}"] <= point).all()
 
 
-def test_friction_of_the_whole_strand_is_that_of_its_parts(with_friction) -> None:
+def test_friction_of_the_strand_is_the_sum_of_parts(with_friction) -> None:
     _, table = with_friction
     assert table["mould_pull"].iloc[-1] > 0.0
     assert table["mould_pull"].to_numpy() == pytest.approx(4.0 * table["friction_pull"].to_numpy())
@@ -153,8 +153,8 @@ def test_friction_of_the_whole_strand_is_that_of_its_parts(with_friction) -> Non
     assert table["mould_friction"].to_numpy() == pytest.approx(force)
 
 
-def test_the_shell_is_told_with_the_cell_it_ends_in() -> None:
-    """Cells of 2 mm at the surface, of 8 mm in the core: its steps are within a sixth of them."""
+def test_shell_is_given_with_its_cell() -> None:
+    """Cells of 2 mm at the surface, 8 mm in the core: its steps are within a sixth of the cell."""
     changes = ("casting.length=1.2 m", "casting.speed=1.2 m/min")
     coarse, fine = (
         run_in_memory(billet("thermal", *changes, *more)).samples
@@ -171,7 +171,7 @@ def test_the_shell_is_told_with_the_cell_it_ends_in() -> None:
     assert inside.mean() > 0.95
 
 
-# What makes the strip of Weiner and Boley, free to contract across.
+# The strip of Weiner and Boley, free to contract across.
 FREEZING: dict[str, Any] = {
     "casting.length": "5 mm",
     "casting.temperature": "1495 degC",
@@ -191,7 +191,7 @@ FREEZING: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("strain", ["small", "large"])
-def test_a_strain_across_that_no_side_follows(strain: str) -> None:
+def test_free_strain_across_needs_sides_that_follow(strain: str) -> None:
     case = strip(FREEZING | {"mechanics.strain": strain})
     with pytest.raises(InputError, match=r"planes\.across: free along y.*side_low"):
         run_in_memory(case)
@@ -199,14 +199,14 @@ def test_a_strain_across_that_no_side_follows(strain: str) -> None:
     assert run_in_memory(case.with_(held)).value("axial_strain") < 0.0
 
 
-def test_a_gap_of_nanometres() -> None:
+def test_gap_of_nanometres_is_refused() -> None:
     law = "cooling.mould.surface.0.gap_conductivity"
     with pytest.raises(InputError, match=r"gap of 0\.625 nm would halve the heat"):
         billet("taper_1", f"{law}=1e-6 W/(m K)")
     billet("taper_1", f"{law}=8e-3 W/(m K)")
 
 
-def test_liquid_too_soft_for_large_strain() -> None:
+def test_liquid_too_soft_for_large_strain_is_refused() -> None:
     for liquid in ("1e-7", "1e-8"):
         with pytest.raises(InputError, match=r"liquid_stiffness: .*folds in a mould"):
             billet("taper_1", "mechanics.strain=large", f"mechanics.liquid_stiffness={liquid}")
@@ -216,13 +216,13 @@ def test_liquid_too_soft_for_large_strain() -> None:
         billet("idealised", "mechanics.strain=large", f"mechanics.liquid_stiffness={liquid}")
 
 
-@pytest.mark.parametrize("given", ["-1", '{time=[0, 1], time_unit="s", value=[0, -1.5]}'])
-def test_a_slice_without_thickness(given: str) -> None:
+@pytest.mark.parametrize("strain", ["-1", '{time=[0, 1], time_unit="s", value=[0, -1.5]}'])
+def test_slice_without_thickness_is_refused(strain: str) -> None:
     with pytest.raises(InputError, match="leaves the slice no thickness"):
-        billet("idealised", f"mechanics.planes.a0={given}")
+        billet("idealised", f"mechanics.planes.a0={strain}")
 
 
-def test_zones_that_rounding_has_made(tmp_path: Path) -> None:
+def test_zones_that_differ_by_rounding_are_refused(tmp_path: Path) -> None:
     zones = "".join(
         f'[[cooling]]\nname="{name}"\n{end}[[cooling.surface]]\nlaw="flux"\nvalue="1 MW/m^2"\n'
         for name, end in (
@@ -237,7 +237,7 @@ def test_zones_that_rounding_has_made(tmp_path: Path) -> None:
         load_case(path)
 
 
-def test_a_cavity_with_wider_corners() -> None:
+def test_cavity_with_wider_corners() -> None:
     """Round corners of 5 mm fit into wider ones where the cavity has room on both sides."""
     room = ("mould.width=128 mm", "mould.height=128 mm")
     for radius in ("5 mm", "8 mm", "10.1 mm"):
@@ -248,14 +248,14 @@ def test_a_cavity_with_wider_corners() -> None:
         billet("taper_1", "mould.corner_radius=6 mm")
 
 
-@pytest.mark.parametrize("given", ["off", "none"])
-def test_fed_liquid_without_its_pressure_in_a_mould(given: str) -> None:
-    """Its equations have solutions, but none of a strand.
+@pytest.mark.parametrize("choice", ["off", "none"])
+def test_fed_liquid_in_a_mould_needs_its_pressure(choice: str) -> None:
+    """Without it the equations have solutions, but not that of a strand.
 
     On cells of 2 mm "none" folds as the surface freezes, at 102 mm; "off" goes on, and +3 %/m ends
     1.1 mm off its wall with 24 % less heat after 200 mm, +1 %/m with 21 %.
     """
-    pressure = f"mechanics.ferrostatic={given}"
+    pressure = f"mechanics.ferrostatic={choice}"
     with pytest.raises(InputError, match=r'mechanics\.ferrostatic: .*full.*liquid = "elastic"'):
         billet("taper_1", "mechanics.liquid=fed", pressure)
     billet("taper_1", pressure)

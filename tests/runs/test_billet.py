@@ -1,4 +1,4 @@
-"""The billet of thesis V.2 in its moulds: what must hold whatever the steel's data.
+"""The billet of thesis V.2 in its moulds: what must hold for any data of the steel.
 
 The mesh is coarse and the windows long; docs/billet.md has the numbers.
 
@@ -41,7 +41,7 @@ LONG = "coupling.interval=0.4 s"
 
 @lru_cache
 def cast(name: str) -> Kept:
-    """One of them as shipped, but for its cells and windows, run once for all tests."""
+    """Run a mould as shipped, but for cells and windows, once for all tests."""
     fed = FED if name.startswith("taper") and name != LEFT else ()
     return run_in_memory(billet(name, LONG, *fed))
 
@@ -52,7 +52,7 @@ def strained(sample: Sample) -> MechanicalSample:
 
 
 def share(name: str) -> float:
-    """Heat removed over that of the idealised mould."""
+    """Return the heat removed over that of the idealised mould."""
     return cast(name).value("heat_removed") / cast("idealised").value("heat_removed")
 
 
@@ -63,7 +63,7 @@ def test_heat_removed_falls_with_the_taper() -> None:
 
 
 def test_elastic_liquid_stays_behind_a_wall_that_opens() -> None:
-    """As the thesis has it; liquid that is fed pushes the faces after the wall, not the corner."""
+    """As in the thesis; fed liquid pushes the faces after the wall, not the corner."""
     assert share(LEFT) < 0.4 < 0.8 < share("taper_minus_3")
     fed, left = (cast(name) for name in ("taper_minus_3", LEFT))
     assert left.value("contact_share") == 0.0 == left.value("shell_mid_face")
@@ -84,7 +84,7 @@ def test_contact_is_lost_first_at_the_corner() -> None:
     assert ended.gap["corner"] > 1e-4 and ended.pressure["mid_face"] > 0.0
 
 
-def test_a_gap_keeps_the_corner_hot() -> None:
+def test_gap_keeps_the_corner_hot() -> None:
     hot = {name: cast(name).value("surface_temperature_corner") for name in MOULDS}
     assert hot["taper_0"] > hot["taper_1"] + 50.0
     assert cast("taper_0").value("shell_corner") < 0.8 * cast("taper_1").value("shell_corner")
@@ -108,7 +108,7 @@ def test_idealised_corner_pulls_in_and_face_bulges() -> None:
 
 
 @pytest.mark.parametrize("name", MOULDS)
-def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
+def test_balances_close_and_no_wall_is_penetrated(name: str) -> None:
     kept = cast(name)
     for sample in kept.samples[1:]:
         mechanics = strained(sample)
@@ -120,8 +120,8 @@ def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
     assert kept.summary.steps["coupling windows cut back"] <= (6 if name == "taper_minus_3" else 0)
 
 
-def test_gap_of_an_interval_settles() -> None:
-    """Repeating windows until gap and heat agree changes little: they agreed nearly before."""
+def test_gap_of_a_window_converges() -> None:
+    """Repeating windows until gap and heat agree changes little: they nearly agreed before."""
     settled, kept = (
         run_in_memory(billet("taper_0", *FED, *passes)) for passes in ((), ("coupling.passes=1",))
     )
@@ -133,7 +133,7 @@ def test_gap_of_an_interval_settles() -> None:
     assert kept.value("size_corner") == pytest.approx(settled.value("size_corner"), abs=2e-5)
 
 
-def test_more_passes_come_to_one_answer() -> None:
+def test_more_passes_converge_to_one_answer() -> None:
     """Heat over long windows: the tighter the tolerance of the gap, the closer to one answer."""
     long = ("coupling.interval=0.5 s", "coupling.window_error=1000 K", 'casting.length="105 mm"')
     heat = {
@@ -169,7 +169,7 @@ def test_triangles_agree_with_quadrilaterals() -> None:
     assert corner[1] == pytest.approx(corner[0], abs=2e-7)
 
 
-# A hot body meets a cold one, and the windows are long: Figure 84.
+# A hot body touches a cold one, and the windows are long: Figure 84.
 SHOCK = (
     "cooling.mould.surface.0.coefficient=10000 W/(m^2 K)",
     'casting.length="240 mm"',
@@ -177,12 +177,12 @@ SHOCK = (
 )
 
 
-def test_mechanics_first_expects_what_never_comes() -> None:
-    """Thesis, Figure 84: the corner has cooled fast, so the mechanics expect it to go on so.
+def test_mechanics_first_extrapolate_too_far() -> None:
+    """Thesis, Figure 84: the corner has cooled fast, so the mechanics extrapolate that cooling.
 
-    In the first window they know of no cooling (297); in the second they strain a corner that is
-    500 K colder than it gets, and the third has to warm it again. Peak stress in MPa at 2 s: 65
-    where there are 46, 42 with the temperatures first.
+    In the first window they have no cooling (297); in the second they strain a corner that is
+    500 K colder than it becomes, and the third has to warm it again. Peak stress in MPa at 2 s: 65
+    instead of 46, and 42 with the temperatures first.
     """
     old = run_in_memory(billet("idealised", *SHOCK, "coupling.order=mechanics_first"))
     new = run_in_memory(billet("idealised", *SHOCK))
@@ -202,10 +202,8 @@ def test_mechanics_first_expects_what_never_comes() -> None:
 
 
 @pytest.mark.parametrize("order", ["thermal_first", "mechanics_first"])
-def test_order_decides_through_which_gap_heat_flows(
-    order: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Through that which the mechanics have just found if they go first, else the one before."""
+def test_order_decides_which_gap_carries_heat(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mechanics first: the gap they have just computed; otherwise that of the window before."""
     taken: list[np.ndarray] = []
     found: list[np.ndarray] = []
 
@@ -230,7 +228,7 @@ def test_order_decides_through_which_gap_heat_flows(
     assert np.array_equal(taken, one) and not np.array_equal(taken[-1], other[-1])
 
 
-def test_mechanics_first_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+def test_mechanics_first_resumes_from_a_checkpoint(tmp_path: Path) -> None:
     order = ("coupling.order=mechanics_first",)
     run(billet("taper_1", *order, 'casting.length="60 mm"'), tmp_path)
     cut = run(billet("taper_1", *order, 'casting.length="120 mm"'), tmp_path, resume=True)
@@ -242,42 +240,46 @@ def test_mechanics_first_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
 RUBBING = 'mould.friction={law="coulomb", coefficient=0.2}'
 
 
-def test_another_mould_is_another_case(tmp_path: Path) -> None:
-    """A state of one wall is none of another."""
+def test_changed_mould_is_another_case(tmp_path: Path) -> None:
+    """A state of one wall is not valid for another."""
     run(billet("taper_1", 'casting.length="30 mm"'), tmp_path)
     longer = 'casting.length="60 mm"'
-    for change, told in (
+    for change, difference in (
         ("mould.taper=2 %/m", "mould.taper: 1 %/m there, 2 %/m here"),
         (RUBBING, "mould.friction.law: none there, coulomb here; "
                   "mould.friction.coefficient: nothing there, 0.2 here"),
     ):  # fmt: skip
         case = billet("taper_1", longer, change)
-        with pytest.raises(InputError, match=re.escape(f"belongs to another case ({told}); undo")):
+        with pytest.raises(
+            InputError, match=re.escape(f"belongs to another case ({difference}); undo")
+        ):
             run(case, tmp_path, resume=True)
 
 
 @pytest.mark.mpi
-def test_ranks_do_not_show() -> None:
+def test_ranks_agree() -> None:
     """Until the corner has left the wall."""
     case = billet("taper_0", 'casting.length="105 mm"')
-    alone, together = run_in_memory(case), run_in_memory(case, MPI.COMM_WORLD)
-    assert len(alone.samples) == len(together.samples)
-    gap = strained(alone.samples[-1]).gap
+    single, together = run_in_memory(case), run_in_memory(case, MPI.COMM_WORLD)
+    assert len(single.samples) == len(together.samples)
+    gap = strained(single.samples[-1]).gap
     assert gap["corner"] > 10.0 * TIGHT and gap["mid_face"] < TIGHT
-    for one, many in zip(alone.samples, together.samples, strict=True):
+    for one, many in zip(single.samples, together.samples, strict=True):
         assert many.removed == pytest.approx(one.removed, rel=1e-8)
         assert strained(many).peak == pytest.approx(strained(one).peak, rel=1e-6)
         for place in ("mid_face", "corner"):
-            here, there = strained(many), strained(one)
-            assert here.moved[place] == pytest.approx(there.moved[place], rel=1e-6, abs=1e-11)
-            assert here.gap[place] == pytest.approx(there.gap[place], rel=1e-6, abs=1e-11)
-            assert here.pressure[place] == pytest.approx(there.pressure[place], rel=1e-5, abs=1.0)
+            ours, expected = strained(many), strained(one)
+            assert ours.moved[place] == pytest.approx(expected.moved[place], rel=1e-6, abs=1e-11)
+            assert ours.gap[place] == pytest.approx(expected.gap[place], rel=1e-6, abs=1e-11)
+            assert ours.pressure[place] == pytest.approx(
+                expected.pressure[place], rel=1e-5, abs=1.0
+            )
 
 
-# The corner of a peritectic billet: one branch, whatever the windows, and no false breakout.
+# The corner of a peritectic billet: one branch with any windows, and no false breakout.
 #
 # Without the skeleton of the mushy zone the run ends as a breakout 32 mm below the meniscus; with
-# other windows or tapers its corner goes back to the wall and leaves it again.
+# other windows or tapers its corner returns to the wall and leaves it again.
 
 
 OPEN = 0.02  # mm
@@ -292,7 +294,7 @@ CELLS = {
 
 
 def history(**changes: object) -> DataFrame:
-    """The billet to 60 mm on coarse cells; keys with __ for the point."""
+    """Return the history of the billet to 60 mm on coarse cells; keys have __ for the point."""
     keys = {key.replace("__", "."): value for key, value in changes.items()}
     case = castfem.load("billet180/peritectic").with_({**CELLS, **keys})
     with castfem.run(case) as result:
@@ -305,12 +307,12 @@ def as_shipped() -> DataFrame:
 
 
 def leaves_once(found: DataFrame) -> bool:
-    """Whether the corner is off its wall at the end and has left it once."""
+    """Return whether the corner is off its wall at the end and has left it once."""
     apart = found["gap_corner"].to_numpy() > OPEN
     return bool(apart[-1]) and np.count_nonzero(np.diff(apart.astype(int))) == 1
 
 
-def test_the_corner_leaves_its_wall_once(as_shipped: DataFrame) -> None:
+def test_corner_leaves_its_wall_once(as_shipped: DataFrame) -> None:
     assert leaves_once(as_shipped)
 
 
@@ -320,7 +322,7 @@ def test_windows_do_not_choose_the_branch(as_shipped: DataFrame) -> None:
         assert longer[column].iloc[-1] == pytest.approx(as_shipped[column].iloc[-1], rel=off)
 
 
-def test_more_taper_is_no_breakout_and_less_gap() -> None:
+def test_more_taper_gives_no_breakout_and_less_gap() -> None:
     found = [history(mould__taper=f"{taper} %/m") for taper in (1.0, 1.9)]
     assert all(map(leaves_once, found))
     assert found[0]["gap_corner"].iloc[-1] > found[1]["gap_corner"].iloc[-1]
@@ -329,7 +331,7 @@ def test_more_taper_is_no_breakout_and_less_gap() -> None:
 # Ordinary billets in their moulds: no false breakout, and no corner that goes back and forth
 
 
-MELTED = 0.3  # mm; what cells of 1.2 mm see at 0.12 % C, and finer ones do not
+MELTED = 0.3  # mm; remelting in cells of 1.2 mm at 0.12 % C, and none in finer ones
 GRID_CELLS = ("surface_size=1.2 mm", "corner_size=1.2 mm", "face_size=12 mm", "core_size=15 mm")
 BILLETS = [
     Billet(
@@ -343,8 +345,8 @@ BILLETS = [
 
 
 @pytest.mark.parametrize("billet", BILLETS, ids=lambda b: f"{b.carbon}-{b.size}-{b.law}-{b.taper}")
-def test_a_billet_keeps_its_shell(billet: Billet) -> None:
-    """The first 60 mm: its corner leaves the wall, comes back at most once, and hardly melts."""
+def test_billet_keeps_its_shell(billet: Billet) -> None:
+    """The first 60 mm: the corner leaves the wall, returns at most once, and hardly remelts."""
     keys = (*billet.keys(), "casting.length=60 mm", *(f"mesh.{one}" for one in GRID_CELLS))
     case = load_case(shipped_cases.find("billet180/peritectic"), keys)
     with castfem.run(case) as result:

@@ -25,7 +25,7 @@ from castfem.runs.results.sample import Sample
 
 
 def offset(position: float) -> float:
-    """Of the rolls from where the first is, m."""
+    """Return the offset of the rolls from the first one, m."""
     return float(np.interp(position, ROLLS, [0.0, -0.1e-3, -0.15e-3]))
 
 
@@ -34,7 +34,7 @@ def creeping() -> Kept:
     return run_in_memory(slab())
 
 
-def test_the_middle_of_a_face_is_where_the_strip_is(creeping: Kept) -> None:
+def test_mid_face_moves_as_the_strip(creeping: Kept) -> None:
     between = [s for s in creeping.samples if ROLLS[0] < s.position < ROLLS[-1]]
     assert max(rolls_of(s).memory["largest"].max() for s in between) > 10e-6
     for sample in between:
@@ -42,23 +42,23 @@ def test_the_middle_of_a_face_is_where_the_strip_is(creeping: Kept) -> None:
         assert bed.offset == pytest.approx(offset(sample.position), abs=1e-9)
         assert bed.within == 1.0  # its core is liquid
         moved = sample.strained.moved["mid_face"]
-        # The face is held by its edges, too, the nearer the narrower it is.
+        # The edges also hold the face, more so the narrower it is.
         assert moved == pytest.approx(bed.bulge + bed.offset, abs=8e-6)
     assert sum(s.position in ROLLS for s in creeping.samples) == len(ROLLS)
 
 
 def entered(kept: Kept, roll: int) -> Sample:
-    """The first sample beyond a roll."""
+    """Return the first sample beyond a roll."""
     return below(kept, ROLLS[roll])
 
 
 def half_way(roll: int) -> float:
-    """When the slice is in the middle of a pitch, s."""
+    """Return the time at which the slice is in the middle of a pitch, s."""
     return 0.5 * (ROLLS[roll] + ROLLS[roll + 1]) / 0.02
 
 
 def shell_of(sample: Sample, time: float) -> tuple[Shell, RadialReturn]:
-    """The shell at mid-face, as it is foreseen for a later time (s), and the law of the case."""
+    """Return the shell at mid-face, predicted for a later time (s), and the law of the case."""
     with simulated(slab()) as simulation:
         law, solidus = simulation.mechanics.problem.slice.law, simulation.steel.solidus
         profile = simulation.probes.sample(sample.state.thermal.point.temperature)["mid_face"]
@@ -68,7 +68,7 @@ def shell_of(sample: Sample, time: float) -> tuple[Shell, RadialReturn]:
     return shell, law  # type: ignore[return-value]
 
 
-def test_the_bulge_is_that_of_the_strip_with_the_shell_of_the_slice(creeping: Kept) -> None:
+def test_bulge_is_that_of_the_strip(creeping: Kept) -> None:
     above, sample = entered(creeping, 0), entered(creeping, 1)
     state, (shell, law) = rolls_of(sample), shell_of(sample, half_way(1))
     assert state.memory["thickness"][0] == pytest.approx(shell.thickness, rel=1e-9)
@@ -78,7 +78,7 @@ def test_the_bulge_is_that_of_the_strip_with_the_shell_of_the_slice(creeping: Ke
     assert state.memory["largest"][0] == pytest.approx(strip.largest, rel=1e-6)
     bulge = state.beds["wide_face_intrados"].bulge
     assert bulge == pytest.approx(float(strip.at(sample.position - ROLLS[1])), rel=1e-6)
-    # Half of the pitch above and half of that below it bear on a roll.
+    # A roll takes half of the load of the pitch above and half of that below it.
     loads = [rolls_of(s).memory["load"][0] for s in (above, sample)]
     assert state.memory["force"][0] == pytest.approx(0.5 * sum(loads), rel=1e-12)
 
@@ -100,8 +100,8 @@ def test_elastic_and_thesis_are_the_closed_forms() -> None:
     assert rolls_of(thesis).memory["largest"][0] / exact == pytest.approx(plate, rel=1e-6)
 
 
-def test_a_strand_that_stops_just_below_a_roll_bulges_by_its_mean_speed() -> None:
-    """It stands for 10 s from 5 mm below the first roll on, where its speed is 0."""
+def test_stop_just_below_a_roll_counts_by_mean_speed() -> None:
+    """The strand stops for 10 s at 5 mm below the first roll, where its speed is 0."""
     stop = {"time": [44.75, 45.75, 55.75, 56.75], "time_unit": "s", "value": [1.2, 0, 0, 1.2],
             "unit": "m/min"}  # fmt: skip
     kept = run_in_memory(slab(casting__speed=stop, casting__length="0.92 m"))
@@ -110,21 +110,21 @@ def test_a_strand_that_stops_just_below_a_roll_bulges_by_its_mean_speed() -> Non
     begun, ended = 45.75 - np.sqrt(0.5), 66.0
     shell, law = shell_of(stopped, 0.5 * (begun + ended))
     memory, length = rolls_of(stopped).memory, ROLLS[1] - ROLLS[0]
-    # It comes to 0.9 m while it brakes, and to 1.1 m at 56.75 s + (1.1 - 0.915) m / 0.02 m/s.
+    # It reaches 0.9 m while it brakes, and 1.1 m at 56.75 s + (1.1 - 0.915) m / 0.02 m/s.
     span = Span(length, float(memory["load"][0]) / length, length / (ended - begun))
     bulge = CreepingStrip(law).bulge(span, shell)
     assert memory["largest"][0] == pytest.approx(bulge.largest, rel=1e-3)
 
 
-def test_the_plate_is_amplified_to_a_reference_over_position() -> None:
+def test_plate_is_scaled_to_a_reference_over_position() -> None:
     largest = {"position": [0, 2], "position_unit": "m", "value": [1, 3], "unit": "mm"}
     given = {"model": "thesis", "largest": largest}
     kept = run_in_memory(slab(mechanics__bulging=given, casting__length="0.95 m"))
     assert rolls_of(kept.samples[-1]).memory["largest"] == pytest.approx(np.full(2, 2e-3), rel=1e-6)
 
 
-def test_a_whole_strand_does_not_drift_between_its_narrow_faces() -> None:
-    """Below the mould nothing bears these: sideways it is held by a weak spring alone."""
+def test_full_strand_does_not_drift_sideways() -> None:
+    """Below the mould nothing supports the narrow faces: only a weak spring holds it sideways."""
     whole = run_in_memory(
         slab(section__symmetry="whole", mechanics__bulging="elastic", casting__length="1 m")
     )
@@ -134,7 +134,7 @@ def test_a_whole_strand_does_not_drift_between_its_narrow_faces() -> None:
         assert moved["narrow_face_left"] == pytest.approx(moved["narrow_face"], abs=1e-9)
 
 
-def test_a_half_bulges_as_the_whole(creeping: Kept) -> None:
+def test_half_bulges_as_the_full_section(creeping: Kept) -> None:
     whole = run_in_memory(slab(section__symmetry="whole", casting__length="1.15 m")).samples
     assert rolls_of(whole[-1]).memory["deflection"].any()
     for ours, theirs in zip(creeping.samples[: len(whole)], whole, strict=True):
@@ -145,7 +145,7 @@ def test_a_half_bulges_as_the_whole(creeping: Kept) -> None:
 
 
 def test_axial_strain_of_the_strip_is_added_to_the_shell(creeping: Kept) -> None:
-    """At mid-width that of the strip at its depth; none in the core, nor at the narrow face."""
+    """At mid-width that of the strip at its depth; none in the core and at the narrow face."""
     with_strain = slab(mechanics__bulging={"model": "creep", "axial_strain": True})
     with simulated(with_strain) as simulation:
         (rolls,) = simulation.mechanics.problem.slice.interactions
@@ -165,11 +165,11 @@ def test_axial_strain_of_the_strip_is_added_to_the_shell(creeping: Kept) -> None
     assert not found[:, 0, 2].any() and not found[:, 1].any()
 
 
-def test_the_front_is_strained_by_the_bulge() -> None:
-    """Each place takes what the strip has at its depth, from the roll to where the slice is.
+def test_bulge_strains_the_front() -> None:
+    """Each point of the front takes the strain of the strip at its depth, from roll to slice.
 
-    It goes beyond the inside of the shell, in which the slice has it: by hand from the bulge. The
-    damage of a slab that is followed rises by it.
+    This continues beyond the inner side of the shell, where the slice has the front: checked by
+    hand from the bulge. The damage of a slab rises by it.
     """
     bulging = {"model": "creep", "axial_strain": True}
     kept = run_in_memory(slab(mechanics__bulging=bulging))
@@ -196,8 +196,8 @@ def test_the_front_is_strained_by_the_bulge() -> None:
     assert found[1] * found[0] < 0.0 and abs(found).min() > 1e-6
 
 
-def test_what_the_front_has_taken_has_the_bulge(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By up to its strain in the middle of the faces, and by nothing beside the narrow ones."""
+def test_strain_of_the_front_contains_the_bulge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By up to its strain in the middle of the faces, and by nothing near the narrow ones."""
     case = slab(
         mechanics__bulging={"model": "creep", "axial_strain": True},
         quality={"hot_tearing": ["won"]},
@@ -231,7 +231,7 @@ def test_axial_strain_of_the_strip_stresses_the_face(creeping: Kept) -> None:
     plain, bent = np.array(stresses)
     balances = [s.strained.balance for s in kept.samples[1:]]
     assert max(abs(b.axial_error) for b in balances if b is not None) < 1e-6
-    # The surface is stretched towards the middle of a pitch, and pressed from there on.
+    # The surface is stretched up to the middle of a pitch, and compressed beyond it.
     middle = [k for k, z in enumerate(at) if any(abs(z - r - 0.1) < 1e-6 for r in ROLLS[:2])]
     assert len(middle) == 2
     assert np.all((bent - plain)[middle] > 2e6)
@@ -239,7 +239,7 @@ def test_axial_strain_of_the_strip_stresses_the_face(creeping: Kept) -> None:
 
 
 @pytest.mark.mpi
-def test_ranks_bulge_alike() -> None:
+def test_ranks_agree() -> None:
     creep = {"model": "creep", "axial_strain": True}
     given = slab(mechanics__bulging=creep, casting__length="1.15 m")
     one, several = (run_in_memory(given, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
@@ -251,7 +251,7 @@ def test_ranks_bulge_alike() -> None:
 
 
 def strained_along() -> Case:
-    """The strip's axial strain goes through the checkpoint, too, and what the front takes of it."""
+    """Return a case whose checkpoint has the axial strain of the strip and of the front."""
     return slab(
         mechanics__bulging={"model": "creep", "axial_strain": True},
         quality={"hot_tearing": ["won"]},
@@ -260,13 +260,13 @@ def strained_along() -> Case:
 
 @pytest.fixture(scope="module")
 def never_stopped(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The history of the case that is run to its end."""
+    """Return the history of the uninterrupted run."""
     return history_of(strained_along(), tmp_path_factory.mktemp("whole"))
 
 
 @pytest.mark.parametrize("steps", [2, 4])
-def test_it_resumes_byte_for_byte(tmp_path: Path, never_stopped: bytes, steps: int) -> None:
-    """Stopped within a pitch: its bulge is not computed again, from another temperature."""
+def test_run_resumes_byte_for_byte(tmp_path: Path, never_stopped: bytes, steps: int) -> None:
+    """Stopped within a pitch: its bulge is not computed again from another temperature."""
     ours = history_of(strained_along(), tmp_path, steps)
     assert ours == never_stopped
     header = ours.splitlines()[0].decode()
@@ -290,20 +290,20 @@ def test_it_resumes_byte_for_byte(tmp_path: Path, never_stopped: bytes, steps: i
         ),
     ],
 )
-def test_what_cannot_bulge_is_refused(changes: dict[str, object], text: str) -> None:
+def test_cases_that_cannot_bulge_are_refused(changes: dict[str, object], text: str) -> None:
     with pytest.raises(InputError, match=text):
         slab(**changes)
 
 
 def solid(*apertures: str) -> Kept:
-    """A slab that is solid throughout, on rolls."""
+    """Run a slab that is solid throughout, on rolls."""
     profile = {"depth": [0, 50], "depth_unit": "mm", "value": [950, 1250], "unit": "degC"}
     start = {**SLAB["casting"], "start": {"at": "mould_exit", "profile": profile}}
     return run_in_memory(slab(casting=start, machine__rolls__aperture=list(apertures)))
 
 
-def test_a_solid_core_neither_bulges_nor_is_pulled() -> None:
-    """It shrinks away from its rolls, which a foundation that pulled would follow with 10 kN/m."""
+def test_solid_core_neither_bulges_nor_is_pulled() -> None:
+    """It shrinks away from its rolls; a foundation that pulls would follow it with 10 kN/m."""
     kept = solid("100 mm", "100 mm", "100 mm")
     for sample in kept.samples[1:]:
         state = rolls_of(sample)
@@ -318,7 +318,7 @@ def test_a_solid_core_neither_bulges_nor_is_pulled() -> None:
 
 
 @pytest.mark.parametrize("mush", ["full", "proportional"])
-def test_what_pulls_at_a_face_fades_as_the_core_dies(mush: str) -> None:
+def test_pull_on_a_face_fades_as_the_core_freezes(mush: str) -> None:
     """A thin slab freezes through between its rolls, and shrinks away from them."""
     places = [0.9, 1.1, 1.3, 1.5, 1.7]
     kept = run_in_memory(
@@ -339,13 +339,13 @@ def test_what_pulls_at_a_face_fades_as_the_core_dies(mush: str) -> None:
     assert len({round(c, 3) for c in shares}) > (2 if mush == "proportional" else 1)
     for state, bed in zip(states, beds, strict=True):
         gap = state.moved[0] - bed.rest
-        # Half of the face, by the share that is left, and what its edges press besides.
+        # Half of the face, by the remaining share, and the pressure of its edges in addition.
         assert state.force[0] > 0.2 * bed.within * bed.stiffness * min(gap, 0.0) * 1.5
         assert bed.pressure <= bed.within * 1.7 * 7400.0 * 9.81
     assert states[-1].moved[0] < beds[-1].rest - 5e-6
 
 
-def test_rolls_that_come_closer_press_a_solid_strand() -> None:
+def test_closing_rolls_press_a_solid_strand() -> None:
     kept = solid("100 mm", "99 mm", "98 mm")
     last = rolls_of(kept.samples[-1])
     bed = last.beds["wide_face_extrados"]
@@ -354,17 +354,17 @@ def test_rolls_that_come_closer_press_a_solid_strand() -> None:
     assert last.force[0] > 300e3
 
 
-def test_a_pitch_that_no_shell_can_span_ends_the_run() -> None:
+def test_pitch_too_wide_for_the_shell_ends_the_run() -> None:
     places = {"position": ["0.9 m", "2.4 m", "2.6 m"]}
     rolls = deepcopy(SLAB["machine"]["rolls"]) | places
-    said = r"between the rolls at 0\.9 and 2\.4 m a shell of \d.* \(at most 75 mm\)"
+    message = r"between the rolls at 0\.9 and 2\.4 m a shell of \d.* \(at most 75 mm\)"
     for model, creeps in (("creep", True), ("elastic", False)):
-        with pytest.raises(RunFailure, match=said) as told:
+        with pytest.raises(RunFailure, match=message) as caught:
             run_in_memory(slab(machine={"rolls": rolls}, mechanics__bulging=model))
-        assert ("a strip, held by its rolls alone" in str(told.value)) == creeps
+        assert ("a strip, held by its rolls alone" in str(caught.value)) == creeps
 
 
-def test_a_strand_without_a_shell_ends_the_run() -> None:
+def test_strand_without_a_shell_ends_the_run() -> None:
     hot = deepcopy(SLAB["cooling"])
     hot[0]["surface"][0]["coefficient"] = "1 W/(m^2 K)"
     with pytest.raises(RunFailure, match=r"there is no shell between the rolls at 0\.9 and 1\.1 m"):

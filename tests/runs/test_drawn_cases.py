@@ -1,4 +1,4 @@
-"""Cases with [machine.extraction]: force and balance of the slice, resume, what is refused."""
+"""Cases with [machine.extraction]: force and balance of the slice, resume, invalid input."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ CURVE = {"position": [0.1, 0.6, 1.35], "position_unit": "m", "value": [2, 12, 30
 
 
 def drawn(resistance: Any = None, **changes: Any) -> Case:
-    """The billet that is bent, with drives at 0.6 and 1.35 m."""
+    """Return the bent billet with drives at 0.6 and 1.35 m."""
     extraction = {"resistance": CURVE if resistance is None else resistance}
     rolls = ROLLS | changes.pop("rolls", {})
     table = {"rolls": rolls, "extraction": extraction | changes.pop("extraction", {})}
     return bent(machine=table, **changes)
 
 
-def test_a_makers_curve_draws_the_slice() -> None:
-    """It comes to the drive at 0.6 m with 12 kN, leaves it with 4, and to the last with 22."""
+def test_makers_curve_loads_the_slice() -> None:
+    """The force is 12 kN above the drive at 0.6 m, 4 below it, and 22 at the last drive."""
     run = run_in_memory(drawn(casting__length="1.7 m"))
     seen = {round(s.position, 6): s for s in run.samples}
     for position, effort in ((0.1, 2e3), (0.6, 12e3), (0.85, 10e3), (1.35, 22e3), (1.7, 0.0)):
@@ -49,7 +49,7 @@ def test_a_makers_curve_draws_the_slice() -> None:
         assert found.withdrawal.effort == pytest.approx(effort, abs=1e-6)
         ours = found.mechanics
         assert 2.0 * ours.load == pytest.approx(effort, abs=1e-6)
-        # N - k M = F: the curve has the work of bending in it.
+        # N - k M = F: the curve contains the work of bending.
         if ours.balance is not None:
             left = ours.balance.axial[0] - ours.bending.curvature * ours.bending.moment
             assert left == pytest.approx(0.5 * effort, abs=1.0)
@@ -65,8 +65,8 @@ def coupled() -> Kept:
     return run_in_memory(drawn("coupled", casting__length="1.7 m"))
 
 
-def test_a_coupled_strand_pays_for_friction_and_for_bending(coupled: Kept) -> None:
-    """N - k M is the effort, the work of bending in it; the drives take both and no more."""
+def test_coupled_drives_supply_friction_and_bending(coupled: Kept) -> None:
+    """N - k M is the effort, which contains the work of bending; the drives supply just both."""
     last = coupled.samples[-1]
     for sample in coupled.samples[1:]:
         ours = sample.mechanics
@@ -81,8 +81,8 @@ def test_a_coupled_strand_pays_for_friction_and_for_bending(coupled: Kept) -> No
     assert last.withdrawal.effort == pytest.approx(0.0, abs=1e-6 * total)
 
 
-def test_a_solid_strand_presses_on_no_roll_but_by_bending(coupled: Kept) -> None:
-    """Friction of bending alone is friction times the jumps of shear, summed over the pairs."""
+def test_solid_strand_loads_rolls_only_by_bending(coupled: Kept) -> None:
+    """Friction of bending is the coefficient times the jumps of shear, summed over the pairs."""
     places = np.array(ROLLS["position"])
     seen = {round(s.position, 6): 2.0 * s.mechanics.bending.moment for s in coupled.samples}
     moments = np.array([seen[p] for p in places.tolist()])
@@ -91,8 +91,8 @@ def test_a_solid_strand_presses_on_no_roll_but_by_bending(coupled: Kept) -> None
     assert coupled.samples[-1].withdrawal.friction == pytest.approx(0.015 * jumps.sum(), rel=1e-9)
 
 
-def test_the_thesis_leaves_the_work_out() -> None:
-    """Closed axially nobody pays for it: the drives take friction alone."""
+def test_axial_closing_leaves_the_work_out() -> None:
+    """As in the thesis: the drives supply friction only."""
     given = {"closing": "axial"}
     run = run_in_memory(drawn("coupled", mechanics__planes=given, casting__length="1.7 m"))
     last = run.samples[-1]
@@ -101,7 +101,7 @@ def test_the_thesis_leaves_the_work_out() -> None:
 
 
 @pytest.mark.parametrize("resistance", [None, "coupled"])
-def test_a_run_that_is_killed_goes_on_byte_for_byte(
+def test_killed_run_resumes_byte_for_byte(
     tmp_path: Path, resistance: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case = drawn(resistance, output__checkpoint_every=1)
@@ -115,7 +115,7 @@ def test_a_run_that_is_killed_goes_on_byte_for_byte(
 
 
 def _killed(monkeypatch: pytest.MonkeyPatch, case: Case, folder: Path, after: float) -> None:
-    """Run a case until it is beyond a position (m), as if it were killed there."""
+    """Run a case to beyond a position (m), and stop it as if it were killed."""
 
     class KilledError(BaseException):
         pass
@@ -133,7 +133,7 @@ def _killed(monkeypatch: pytest.MonkeyPatch, case: Case, folder: Path, after: fl
             loop.run(case, folder, comm=MPI.COMM_SELF)
 
 
-def test_the_strand_would_stop_before_the_run_or_within() -> None:
+def test_stopping_strand_is_refused_or_ends_the_run() -> None:
     weak = {"capacity": ["", "", 8, "", "", 9]}
     with pytest.raises(StrandStopsError, match=r"resist with 30 kN, .* with 17 kN at most"):
         run_in_memory(drawn(rolls=weak))
@@ -142,7 +142,7 @@ def test_the_strand_would_stop_before_the_run_or_within() -> None:
         run_in_memory(drawn("coupled", rolls=nothing))
 
 
-def test_the_resolved_case_is_the_same(tmp_path: Path) -> None:
+def test_resolved_case_is_the_same(tmp_path: Path) -> None:
     path = tmp_path / "resistance.csv"
     path.write_text("position [mm], value [kN]\n100, 2\n600, 12\n1350, 30\n")
     case = drawn({"file": str(path)})
@@ -176,8 +176,8 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
 
 
 @pytest.mark.parametrize("mistake", REFUSED)
-def test_what_is_refused(mistake: str) -> None:
-    """One line: key, reason, mend."""
+def test_invalid_input_is_rejected(mistake: str) -> None:
+    """One line: key, reason, fix."""
     changes, key, words = REFUSED[mistake]
     with pytest.raises(InputError) as caught:
         drawn(**changes)
@@ -186,8 +186,8 @@ def test_what_is_refused(mistake: str) -> None:
     assert words in problem
 
 
-def test_a_case_without_it_has_nothing_of_it() -> None:
-    """No column, no state, and the planes that it had."""
+def test_case_without_extraction_is_unchanged() -> None:
+    """It has no column and no state of it, and its own planes."""
     run = run_in_memory(bent())
     state = run.states[-1].mechanical
     assert state is not None and state.bending.withdrawal is None

@@ -25,12 +25,12 @@ from castfem.runs.loop import TimeLoop
 from castfem.runs.results.sample import Sample
 
 EDGES = (0.4, 0.47)
-HALF = (0.2, 0.05)  # m: of the section
+HALF = (0.2, 0.05)  # m: half of width and thickness
 SHIPPED = Path(__file__).parents[2] / "cases" / "slab1200" / "from_meniscus.toml"
 
 
 def edged(edges: tuple[float, ...] = EDGES, **changes: object) -> Case:
-    """The slab of test_slab_below_mould with rolls at its narrow faces."""
+    """Return the slab of test_slab_below_mould with rolls at its narrow faces."""
     rolls = {
         "position": [f"{place} m" for place in (*ROLLS, *edges)],
         "diameter": ["60 mm"] * (3 + len(edges)),
@@ -42,8 +42,8 @@ def edged(edges: tuple[float, ...] = EDGES, **changes: object) -> Case:
     return slab(**{"machine__rolls": rolls, "mould": mould} | changes)
 
 
-class Whole:
-    """A run in memory whose simulation is still there."""
+class RunWithSimulation:
+    """Keeps a run in memory together with its simulation."""
 
     def __init__(self, case: Case) -> None:
         self.simulation, self.kept = build(case, MPI.COMM_SELF), Kept()
@@ -55,9 +55,9 @@ class Whole:
 
 @pytest.fixture(scope="module")
 def own() -> Any:
-    whole = Whole(edged())
-    yield whole
-    whole.simulation.destroy()
+    run = RunWithSimulation(edged())
+    yield run
+    run.simulation.destroy()
 
 
 def state_of(sample: Sample) -> MechanicalState:
@@ -66,12 +66,12 @@ def state_of(sample: Sample) -> MechanicalState:
 
 
 def beds_of(sample: Sample) -> list[RollSupportState]:
-    """Of the wide faces and, last, of the narrow ones."""
+    """Return the roll supports of the wide faces and, last, of the narrow ones."""
     return [s for s in state_of(sample).interactions if isinstance(s, RollSupportState)]
 
 
 def within(simulation: Simulation, state: MechanicalState) -> Array:
-    """Int sigma_xx da and Int sigma_yy da (2,), N, of steel and liquid."""
+    """Return Int sigma_xx da and Int sigma_yy da (2,), N, of steel and liquid."""
     assert isinstance(simulation.mechanics, MechanicalStepper)
     points = simulation.mechanics.problem.points
     n, volume = points.deviator_points, points.volume
@@ -81,7 +81,7 @@ def within(simulation: Simulation, state: MechanicalState) -> Array:
 
 
 def from_outside(simulation: Simulation, state: MechanicalState) -> Array:
-    """Work of mould and rolls on the motions (x, 0) and (0, y) (2,), N."""
+    """Return the work of mould and rolls on the motions (x, 0) and (0, y) (2,), N."""
     assert isinstance(simulation.mechanics, MechanicalStepper)
     wall, contact = simulation.mechanics.problem.contact, state.contact
     force = -(contact.weight * contact.pressure)[:, None] * contact.normal
@@ -90,13 +90,13 @@ def from_outside(simulation: Simulation, state: MechanicalState) -> Array:
     return np.asarray(work - [HALF[0] * narrow.force.sum(), HALF[1] * wide.force.sum()])
 
 
-def test_mould_and_rolls_bear_shell_and_liquid(own: Whole) -> None:
-    """In the mould, at its end, between its end and each roll, and below the last at the edges."""
+def test_mould_and_rolls_support_shell_and_liquid(own: RunWithSimulation) -> None:
+    """In the mould, at its end, between its end and each roll, and below the last edge roll."""
     met = set()
     for sample in own.kept.samples[1:]:
         state = state_of(sample)
         inside, outside = within(own.simulation, state), from_outside(own.simulation, state)
-        # So much of it does the pressure of the liquid alone.
+        # The part of the liquid's pressure.
         size = float(state.pressure.max()) * 4.0 * HALF[0] * HALF[1]
         assert size > 0.0
         assert inside == pytest.approx(outside, abs=1e-5 * size)
@@ -106,7 +106,7 @@ def test_mould_and_rolls_bear_shell_and_liquid(own: Whole) -> None:
     assert met == {True, False}
 
 
-def test_edge_rolls_begin_where_the_mould_leaves_the_face(own: Whole) -> None:
+def test_edge_rolls_begin_at_the_end_of_the_mould(own: RunWithSimulation) -> None:
     left = HALF[0] / (1.0 + 0.015 * END) - HALF[0]
     for sample in own.kept.samples:
         (bed,) = beds_of(sample)[1].beds.values()
@@ -121,8 +121,8 @@ def test_edge_rolls_begin_where_the_mould_leaves_the_face(own: Whole) -> None:
     assert all(min(abs(p - place) for p in positions) < 1e-9 for place in EDGES)
 
 
-def test_they_hold_a_face_that_would_be_pushed_out(own: Whole) -> None:
-    """And never pull it: the force on them is what the history tells."""
+def test_edge_rolls_hold_the_face(own: RunWithSimulation) -> None:
+    """They never pull it: their force is that in the history."""
     free = run_in_memory(slab(mould=own.simulation.case.document()["mould"]))
     held, pushed = (
         max(s.strained.moved["narrow_face"] for s in one.samples if s.position > END)
@@ -132,12 +132,12 @@ def test_they_hold_a_face_that_would_be_pushed_out(own: Whole) -> None:
     assert held < left + 60e-6 < pushed
     forces = [float(beds_of(s)[1].force[0]) for s in own.kept.samples]
     assert max(forces) > 100.0
-    # A face that has left its rolls meets a thousandth of their stiffness.
+    # A face that has left its rolls has a thousandth of their stiffness.
     assert min(forces) > -0.02 * max(forces)
 
 
-def test_an_idealised_mould_and_rolls_do_not_bear_a_face_together() -> None:
-    """Without [mould] the faces are held to the first roll of the wide ones, here at 0.38 m."""
+def test_idealised_mould_and_rolls_never_act_together() -> None:
+    """Without [mould] the faces are held up to the first roll of the wide ones, here at 0.38 m."""
     start = {"start": {"at": "mould_exit"}, "superheat": "20 K", "speed": "0.6 m/min"}
     whole = run_in_memory(edged(mould=None, casting=start | {"length": "0.42 m"}))
     met = set()
@@ -149,13 +149,13 @@ def test_an_idealised_mould_and_rolls_do_not_bear_a_face_together() -> None:
     assert met == {True, False}
 
 
-def test_it_resumes_byte_for_byte_through_the_end_of_the_mould(tmp_path: Path) -> None:
+def test_run_resumes_byte_for_byte_through_mould_exit(tmp_path: Path) -> None:
     case = edged(casting__length="0.46 m")
     for stop in (4, 6):
         assert history_of(case, tmp_path / "a") == history_of(case, tmp_path / f"{stop}", stop)
 
 
-def test_a_whole_slab_has_rolls_at_both_narrow_faces(own: Whole) -> None:
+def test_full_slab_has_rolls_at_both_narrow_faces(own: RunWithSimulation) -> None:
     whole = run_in_memory(edged(section__symmetry="whole", casting__length=f"{EDGES[0]} m"))
     assert whole.samples[-1].position == pytest.approx(EDGES[0])
     for ours, theirs in zip(own.kept.samples, whole.samples, strict=False):
@@ -165,7 +165,7 @@ def test_a_whole_slab_has_rolls_at_both_narrow_faces(own: Whole) -> None:
 
 
 @pytest.mark.mpi
-def test_several_ranks_find_what_one_finds(own: Whole) -> None:
+def test_ranks_agree(own: RunWithSimulation) -> None:
     several = run_in_memory(edged(), MPI.COMM_WORLD)
     for ours, theirs in zip(own.kept.samples, several.samples, strict=True):
         one, other = beds_of(ours)[1], beds_of(theirs)[1]
@@ -174,8 +174,8 @@ def test_several_ranks_find_what_one_finds(own: Whole) -> None:
         assert next(moved) == pytest.approx(next(moved), abs=1e-7)
 
 
-def test_without_gap_and_friction_the_mould_leaves_the_heat_as_it_was() -> None:
-    """Of a straight mould whose gap conducts as if it were none, the slab is that of the exit."""
+def test_mould_without_gap_and_friction_keeps_the_heat() -> None:
+    """With a straight mould whose gap conducts perfectly, the slab is as in an idealised mould."""
     ways = {"start": {"at": "mould_exit"}, "superheat": "20 K", "speed": "0.6 m/min"}
     begun = slab(mould=None, casting=ways | {"length": "0.32 m"})
     through = slab(**{"mould.taper": "0 %/m", "casting__length": "0.32 m",
@@ -196,13 +196,13 @@ def test_without_gap_and_friction_the_mould_leaves_the_heat_as_it_was() -> None:
         ((0.47, 0.4), r"edge roll 2: position \(0\.4 m\) does not lie below the previous roll"),
     ],
 )  # fmt: skip
-def test_edge_rolls_that_cannot_be_there(edges: tuple[float, ...], text: str) -> None:
-    with pytest.raises(InputError, match=text) as told:
+def test_misplaced_edge_rolls_are_refused(edges: tuple[float, ...], text: str) -> None:
+    with pytest.raises(InputError, match=text) as caught:
         edged(edges)
-    assert len(str(told.value).splitlines()) == 1
+    assert len(str(caught.value).splitlines()) == 1
 
 
-def test_the_shipped_slab_goes_through_its_mould_to_both_kinds_of_rolls() -> None:
+def test_shipped_slab_passes_mould_and_all_rolls() -> None:
     case = load_case(SHIPPED, ("casting.length=1 m", "output.fields=[]", "output.figures=false",
                                "coupling.interval=100 mm", "mesh.face_size=150 mm",
                                "mesh.corner_size=10 mm"))  # fmt: skip
@@ -211,7 +211,7 @@ def test_the_shipped_slab_goes_through_its_mould_to_both_kinds_of_rolls() -> Non
     assert last.position == pytest.approx(1.0)
     wide, narrow = beds_of(last)
     assert wide.force.min() > 1e4 and narrow.force.min() > 1e3
-    # At the mould's exit the corner is as warm as the faces are, neither 689 nor 1392 degC.
+    # At the mould's exit the corner is as warm as the faces, neither 689 nor 1392 degC.
     exit_ = below(whole, 0.79).profiles
     corner, face = (exit_[n].temperature[0] for n in ("corner_intrados", "narrow_face"))
     assert abs(corner - face) < 150.0

@@ -1,4 +1,4 @@
-"""Ranks without a cell, and with cells of which none is at the surface: all that is collective."""
+"""Ranks without a cell, and with cells but none at the surface: all collective operations."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _words(case: str, changes: tuple[str, ...]) -> list[str]:
 
 
 def _same(one: Path, many: Path) -> None:
-    """Two runs are one; columns of nothing but rounding, as gaps of 1e-12 m, stay that."""
+    """Check that two runs agree; columns of rounding only, as gaps of 1e-12 m, remain so."""
     ours, theirs = (read_history(folder / "history.csv") for folder in (one, many))
     assert ours["contact_pressure_max"].iloc[-1] > 0.0 and ours["heat_removed"].iloc[-1] > 0.0
     sizes = [table.abs().max() for table in (ours, theirs)]
@@ -55,8 +55,8 @@ def _same(one: Path, many: Path) -> None:
     assert_same(ours.drop(columns=nothing), theirs.drop(columns=nothing))
 
 
-def test_ranks_without_a_cell_or_a_facet_do_not_show(tmp_path: Path) -> None:
-    """Contact, friction, liquid that is fed, checkpoints, probes of a line and a surface."""
+def test_ranks_without_a_cell_or_a_facet_agree(tmp_path: Path) -> None:
+    """Contact, friction, fed liquid, checkpoints, probes of a line and a surface."""
     changes = (*SHORT, *RUBBED)
     loop.run(load_case(CASES / "taper_1.toml", changes), tmp_path / "one", comm=MPI.COMM_SELF)
     words = ("run", *_words("taper_1", changes), "-q", "-o", str(tmp_path / "three"))
@@ -65,8 +65,8 @@ def test_ranks_without_a_cell_or_a_facet_do_not_show(tmp_path: Path) -> None:
     _same(tmp_path / "one", tmp_path / "three")
 
 
-def test_derivatives_on_such_ranks(tmp_path: Path) -> None:
-    """Their checkpoint is gathered from all, also from ranks that have nothing to add."""
+def test_derivatives_on_ranks_without_a_cell(tmp_path: Path) -> None:
+    """Their checkpoint is gathered from all ranks, also from empty ones."""
     of, to = ("heat_removed", "von_mises_max"), ("casting.speed", "casting.superheat")
     changes = (*SHORT, "casting.length=24 mm")
     case = load_case(CASES / "taper_1.toml", changes)

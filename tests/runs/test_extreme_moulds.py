@@ -1,4 +1,4 @@
-"""Moulds no caster would use: a run ends right, or says why not and keeps its last good state."""
+"""Moulds outside practice: a run ends correctly, or fails with a reason and its last good state."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHORT = 'casting.length="240 mm"'
 
 
 def wall(*rows: tuple[float, float]) -> str:
-    """A taper as a table: position below the meniscus and closing of the wall, mm."""
+    """Return a taper as a table: position below the meniscus and closing of the wall, mm."""
     where, closing = ([r[i] for r in rows] for i in (0, 1))
     return f'mould.taper={{position={where},position_unit="mm",value={closing},unit="mm"}}'
 
@@ -38,7 +38,7 @@ def sound(kept: Kept) -> Kept:
 
 
 def contact(kept: Kept, name: str) -> np.ndarray:
-    """A number of the contact summary over the windows."""
+    """Return a number of the contact summary over the windows."""
     found = [r.mechanics.contact for r in kept.samples[1:] if r.mechanics is not None]
     return np.array([getattr(c, name) for c in found])
 
@@ -53,8 +53,8 @@ def test_ten_percent_into_the_shell() -> None:
     assert kept.value("axial_strain") > 0.0
 
 
-def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
-    """80 um on a wall as soft as the liquid's stand-in, to be pushed out as the surface freezes."""
+def test_liquid_surface_does_not_sink_into_the_wall() -> None:
+    """80 um of overlap with a wall as soft as the liquid are pushed out as the surface freezes."""
     slow = "cooling.mould.surface.0.coefficient=250 W/(m^2 K)"
     liquid = "mechanics.liquid_stiffness=1e-5"
     kept = sound(run_in_memory(shipped("taper_1", slow, liquid, "casting.length=90 mm")))
@@ -64,9 +64,9 @@ def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
     assert kept.value("contact_pressure_max") == pytest.approx(head, rel=0.1)
 
 
-def test_ten_percent_from_the_meniscus_on() -> None:
+def test_ten_percent_from_the_meniscus() -> None:
     kept = sound(run_in_memory(shipped("taper_1", "mould.taper=10 %/m", SHORT)))
-    # As the first points freeze, at 1.75 s, a sixth of the surface stands off by 2 um; later less.
+    # As the first points freeze, at 1.75 s, a sixth of the surface is off by 2 um; later less.
     share = contact(kept, "share")
     assert np.delete(share, share.argmin()).min() > 0.85
     assert contact(kept, "gap").max() < 3e-6
@@ -74,16 +74,16 @@ def test_ten_percent_from_the_meniscus_on() -> None:
 
 
 def test_ten_percent_away() -> None:
-    """The wall leaves at once: the gap is what it has opened, less the bulge of the strand."""
+    """The wall leaves at once: the gap is its opening less the bulge of the strand."""
     kept = sound(run_in_memory(billet("taper_1", "mould.taper=-10 %/m", SHORT)))
     assert kept.value("contact_share") == 0.0
     opened = 0.5 * 0.125 * (1.0 - 1.0 / (1.0 - 0.1 * 0.6)) * 0.24 / 0.6
     points = kept.states[-1].mechanical.contact
     face = points.normal[:, 0] > 0.999
     assert np.ptp(points.gap[face]) > 2e-5
-    # Of a gap that differs along the face, place by place.
+    # The gap differs along the face, point by point.
     assert points.place[face, 0] + points.gap[face] == pytest.approx(0.0625 - opened, abs=1e-12)
-    # At mid-face, the end of a facet, it is that of the line through the two points beside it ...
+    # At mid-face, the end of a facet, it is that of the line through the two nearest points ...
     near, far = points.gap[face][np.argsort(points.place[face, 1])[:2]]
     gap, bulge = kept.value("gap_mid_face"), kept.value("displacement_mid_face")
     assert gap == pytest.approx(near + 0.5 * (np.sqrt(3.0) - 1.0) * (near - far), rel=1e-7)
@@ -104,7 +104,7 @@ SIX_SECONDS = 'casting.length="360 mm"'
 
 @lru_cache
 def in_tenths(name: str) -> Kept:
-    """Six seconds in windows of 0.1 s, those that are shipped, once for all tests."""
+    """Run six seconds in the shipped windows of 0.1 s, once for all tests."""
     return run_in_memory(shipped(name, SIX_SECONDS, "coupling.interval=0.1 s"))
 
 
@@ -112,9 +112,9 @@ def in_tenths(name: str) -> Kept:
     ("name", "intervals"), [("taper_1", ("2 s",)), ("taper_0", ("2 s", "100 s"))]
 )
 def test_windows_twenty_times_longer(name: str, intervals: tuple[str, ...]) -> None:
-    """Two seconds, and endless: heat within 1 %, stress within 10 % of tenths.
+    """Two seconds, and endless: heat within 1 %, stress within 10 % of windows of 0.1 s.
 
-    Where the gap decides on the heat, at 0 %/m, windows of 2 s would be 4.3 and 14 % off.
+    Where the gap controls the heat, at 0 %/m, windows of 2 s would be 4.3 and 14 % off.
     """
     fine = in_tenths(name)
     for interval in intervals:
@@ -125,7 +125,7 @@ def test_windows_twenty_times_longer(name: str, intervals: tuple[str, ...]) -> N
         assert long.value("von_mises_max") == pytest.approx(peak, rel=0.1)
 
 
-def test_windows_are_cut_where_the_gap_opens_and_only_there() -> None:
+def test_windows_are_cut_only_where_the_gap_opens() -> None:
     """At 0 %/m the gap opens as the surface freezes, after 1.5 s, and then ever more slowly."""
     changes = (SIX_SECONDS, "coupling.interval=1 s")
     kept = sound(run_in_memory(shipped("taper_0", *changes)))
@@ -142,7 +142,7 @@ def test_windows_are_cut_where_the_gap_opens_and_only_there() -> None:
 
 
 def test_friction_up_to_the_pressure() -> None:
-    """The wall draws on the strand and lengthens it; no friction is friction of coefficient 0."""
+    """The wall pulls on the strand and lengthens it; coefficient 0 is as no friction."""
     found = {
         mu: sound(
             run_in_memory(shipped("taper_1", 'casting.length="105 mm"', f"mould.friction={law}"))
@@ -169,8 +169,8 @@ def test_nearly_sharp_corner(name: str) -> None:
     assert (gap > 5e-5) == (name == "taper_0")
 
 
-def test_strong_cooling_settles() -> None:
-    """At 20 kW/m2K the gap decides on all heat: one iteration swings, several converge.
+def test_strong_cooling_converges() -> None:
+    """At 20 kW/m2K the gap controls all heat: one iteration oscillates, several converge.
 
     A gap that opens in one window keeps the face hot in the next, which closes it.
     """
@@ -186,14 +186,14 @@ def test_strong_cooling_settles() -> None:
 
 
 def test_windows_that_do_not_converge_are_cut_back() -> None:
-    """Two iterations are not enough for whole windows: shorter ones take their place."""
+    """Two iterations are not enough for full windows: shorter ones replace them."""
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="45 mm"')
     kept = sound(run_in_memory(billet("taper_1", *strong, "coupling.passes=2")))
     assert kept.summary.steps["coupling windows"] > kept.samples[-1].time / 0.25 + 2
     assert kept.summary.steps["coupling windows cut back"] > 1
 
 
-def test_a_gap_that_hardly_conducts() -> None:
+def test_gap_that_hardly_conducts() -> None:
     """A third of the shipped conductivity where the wall leaves at -3 %/m: a thin hot shell.
 
     Farther down, at 317 mm, its corner melts open: a breakout.
@@ -207,8 +207,8 @@ def test_a_gap_that_hardly_conducts() -> None:
     )
 
 
-def test_liquid_that_turns_with_flat_cells() -> None:
-    """Its pressure is most of what acts on them: windows had been cut to 1e-7 s, 33 mm down."""
+def test_liquid_rotates_with_flat_cells() -> None:
+    """Its pressure is most of their load: windows had been cut to 1e-7 s, 33 mm down."""
     flat = ("surface_size=1.2 mm", "corner_size=1.2 mm", "face_size=8 mm", "core_size=12 mm")
     changes = ('casting.length="60 mm"', "coupling.interval=0.1 s", *(f"mesh.{f}" for f in flat))
     kept = sound(run_in_memory(shipped("taper_minus_3", *changes)))
@@ -233,7 +233,7 @@ def test_step_in_the_wall() -> None:
     assert outward.value("heat_removed") < 0.9 * inward.value("heat_removed")
 
 
-def test_a_strand_that_touches_nowhere() -> None:
+def test_strand_that_touches_nowhere() -> None:
     kept = sound(
         run_in_memory(billet("taper_1", SHORT, "mould.width=140 mm", "mould.height=140 mm"))
     )
@@ -251,17 +251,17 @@ def test_contact_lost_and_regained() -> None:
     assert kept.summary is not None and kept.summary.steps["coupling windows cut back"] < 5
 
 
-def test_moulds_that_cannot_be_are_refused() -> None:
+def test_impossible_moulds_are_refused() -> None:
     with pytest.raises(InputError, match="does not fit the strand"):
         billet("taper_1", "mould.width=124 mm")
     with pytest.raises(InputError, match="allowed: at most 50 %/m"):
         billet("taper_1", "mould.taper=-200 %/m")
 
 
-def test_what_cannot_be_solved_is_said(tmp_path: Path) -> None:
+def test_failure_is_reported_with_the_last_good_state(tmp_path: Path) -> None:
     """Five Newton iterations are too few for shells that freeze at once, at any step.
 
-    The run says so, and keeps the state before.
+    The run reports it, and keeps the state before.
     """
     strong = ("cooling.mould.surface.0.coefficient=10000 W/(m^2 K)", "coupling.interval=1 s")
     few = ("coupling.order=mechanics_first", "mechanics.solver.snes_max_it=5")

@@ -1,4 +1,4 @@
-"""A failed attempt leaves the slice as it was: temperature, mechanics, contact and friction."""
+"""A failed attempt leaves the slice unchanged: temperature, mechanics, contact and friction."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Bits = dict[str, bytes]
 
 
 def bits(part: Any, name: str = "state") -> Bits:
-    """Every number of a state, to the bit, by the name of where it stands."""
+    """Return every number of a state, as bytes, by its path."""
     if is_dataclass(part):
         below = (bits(getattr(part, f.name), f"{name}.{f.name}") for f in fields(part))
         return {key: found for one in below for key, found in one.items()}
@@ -50,16 +50,17 @@ def bits(part: Any, name: str = "state") -> Bits:
 
 
 class Attempts:
-    """Watches the coupling, and spoils its first attempt to come to `WHEN`.
+    """Watches the coupling, and spoils its first attempt to reach `WHEN`.
 
     Args:
-        patch: For the time of the run.
-        spoil: Given the patch for the attempt that is to fail, spoils what it uses; None stands in
-            for the attempt, and nothing is computed.
+        patch: Patch for the time of the run.
+        spoil: Function of the patch for the failing attempt that spoils what the attempt uses; if
+            None, nothing is computed in its place.
 
     Attributes:
-        before: The committed state when an attempt began, and after: when it ended, for those that
-            failed. given: What the attempt after each of these began with.
+        before: The committed state at the beginning of each failed attempt.
+        after: The same state at its end.
+        given: The initial state of the attempt that follows each of these.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class Attempts:
 
 
 def untried(patch: pytest.MonkeyPatch) -> None:
-    """Temperatures are at the new time; the mechanics give up before they have begun."""
+    """Give up the mechanics before they begin; the temperatures are at the new time."""
 
     def step(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
         nothing = np.zeros(self.problem.points.deviator_points)
@@ -118,7 +119,7 @@ def untried(patch: pytest.MonkeyPatch) -> None:
 
 
 def half_way(patch: pytest.MonkeyPatch) -> None:
-    """Newton's method ends after two iterations, far from equilibrium, contact evaluated."""
+    """End Newton's method after two iterations, far from equilibrium, with contact evaluated."""
     solve = MechanicalProblem.solve
 
     def cut(self: MechanicalProblem, guesses: Any) -> Any:
@@ -134,7 +135,7 @@ def half_way(patch: pytest.MonkeyPatch) -> None:
 
 
 def found_and_lost(patch: pytest.MonkeyPatch) -> None:
-    """The mechanics come to the new state, with its contact, and say they have not."""
+    """Solve the mechanics with their contact, and report that they have not converged."""
     step = MechanicalStepper.step
 
     def lost(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
@@ -146,7 +147,7 @@ def found_and_lost(patch: pytest.MonkeyPatch) -> None:
 
 
 def repeated(patch: pytest.MonkeyPatch) -> None:
-    """A first iteration is good, but its gap is not converged, and the iteration after it fails."""
+    """Let a first iteration succeed with a gap not converged, and the next one fail."""
     step, calls = MechanicalStepper.step, []
 
     def second(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
@@ -161,7 +162,7 @@ def repeated(patch: pytest.MonkeyPatch) -> None:
 
 
 class Undisturbed(Kept):
-    """A run whose spoilt attempt computes nothing, and a checkpoint from before it."""
+    """Keeps a run whose spoilt attempt computes nothing, and a checkpoint from before it."""
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__()
@@ -176,7 +177,7 @@ class Undisturbed(Kept):
 
 @pytest.fixture(scope="module")
 def undisturbed() -> Iterator[Undisturbed]:
-    """The run that takes the same windows."""
+    """Return the run that takes the same windows."""
     simulation = build(billet("taper_0", *RUBBING), MPI.COMM_SELF)
     with pytest.MonkeyPatch.context() as patch:
         Attempts(patch, None)
@@ -187,7 +188,7 @@ def undisturbed() -> Iterator[Undisturbed]:
 
 
 @pytest.mark.parametrize("spoil", [untried, half_way, found_and_lost, repeated])
-def test_a_failed_attempt_leaves_no_trace(
+def test_failed_attempt_leaves_no_trace(
     undisturbed: Undisturbed, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Any], None]
 ) -> None:
     attempts, kept = Attempts(monkeypatch, spoil), Kept()
@@ -196,7 +197,7 @@ def test_a_failed_attempt_leaves_no_trace(
     time_loop.run()
     (old,) = attempts.given
     assert attempts.before == attempts.after == [bits(old)]
-    # Contact, friction, flow and Nitsche's own state were there to be spoilt ...
+    # Contact, friction, flow and Nitsche's own state could have been spoilt ...
     assert old.mechanical is not None and old.mechanical.contact is not None
     contact = old.mechanical.contact
     assert set(contact.status) == {OPEN, SLIP} and np.abs(contact.friction[:, 1]).max() > 1e3
@@ -205,10 +206,10 @@ def test_a_failed_attempt_leaves_no_trace(
         old.heating,
     ):  # fmt: skip
         assert np.abs(array).max() > 1e-8
-    # ... all of one instant: the temperatures that strained the slice are those it has.
+    # ... all at one instant: the slice was strained by its own temperatures.
     assert old.time == old.thermal.time == old.mechanical.time == BEFORE
     assert np.array_equal(old.mechanical.temperature, old.thermal.point.temperature)
-    # The run goes on as if the attempt had never been.
+    # The run continues as if the attempt had never been.
     assert time_loop.run_state.counts.cut_back == 1
     same = undisturbed.states[-len(kept.states) :]
     assert same[0].time > BEFORE and len(same) == 3 and same[-1].time == WHEN
@@ -217,7 +218,7 @@ def test_a_failed_attempt_leaves_no_trace(
         assert not [name for name in one if one[name] != other[name]]
 
 
-# Runs that leave what the model can speak of end there, with the state before on disk
+# Runs that leave the validity of the model end, with the state before on disk
 
 
 SLAB = (
@@ -232,7 +233,7 @@ NO_MOULD = "section.symmetry=half"
 
 
 def refused(folder: Path, name: str, *overrides: str) -> tuple[str, float]:
-    """Run a case that must fail; its reason, and the last instant of its history, s."""
+    """Run a case that must fail; return the reason and the last instant of its history, s."""
     with pytest.raises(RunFailure) as caught:
         run(billet(name, *overrides), folder)
     record = json.loads((folder / "run.json").read_text())
@@ -245,21 +246,21 @@ def refused(folder: Path, name: str, *overrides: str) -> tuple[str, float]:
     return str(caught.value), float(last["time"])
 
 
-def test_a_force_beyond_what_the_section_carries(tmp_path: Path) -> None:
-    told, _ = refused(tmp_path, "taper_1", "mechanics.planes.force=20 kN")
-    assert "times as thick" in told and "there is no shell yet" in told
+def test_force_beyond_the_section_is_refused(tmp_path: Path) -> None:
+    reason, _ = refused(tmp_path, "taper_1", "mechanics.planes.force=20 kN")
+    assert "times as thick" in reason and "there is no shell yet" in reason
 
 
-def test_a_moment_beyond_what_the_section_carries(tmp_path: Path) -> None:
-    told, _ = refused(tmp_path, "idealised", NO_MOULD, "mechanics.planes.moment_y=2 kN m")
-    assert "times as thick" in told
+def test_moment_beyond_the_section_is_refused(tmp_path: Path) -> None:
+    reason, _ = refused(tmp_path, "idealised", NO_MOULD, "mechanics.planes.moment_y=2 kN m")
+    assert "times as thick" in reason
 
 
 @pytest.mark.parametrize(
     ("symmetry", "load"), [("half", "moment_y=3 kN m"), ("whole", "moment_x=2 kN m")]
 )
-def test_a_moment_before_there_is_a_shell(tmp_path: Path, symmetry: str, load: str) -> None:
-    """The first window says so: no shorter one has more that could bear it."""
+def test_moment_before_a_shell_is_refused(tmp_path: Path, symmetry: str, load: str) -> None:
+    """The first window already fails: no shorter one has more that could take the load."""
     changes = (*FED, f"section.symmetry={symmetry}", f"mechanics.planes.{load}")
     with pytest.raises(RunFailure) as caught:
         run(billet("taper_1", *changes), tmp_path)
@@ -267,8 +268,8 @@ def test_a_moment_before_there_is_a_shell(tmp_path: Path, symmetry: str, load: s
     assert "smallest step" not in str(caught.value)
 
 
-def test_a_load_that_little_would_bear_is_not_blamed() -> None:
-    """Elastic strain alone, in what there is, tells whether a shorter step may do."""
+def test_load_that_a_thin_shell_takes_is_not_blamed() -> None:
+    """The elastic strain of the present shell decides whether a shorter step may help."""
     simulation = SliceSetup(mapped(1, 1, box(0.1, 0.1)), LAW, judge=True)
     judge, count = simulation.stepper._validity, simulation.problem.points.count
     hot, cold = np.full(count, 1800.0), np.full(count, 1000.0)
@@ -279,15 +280,15 @@ def test_a_load_that_little_would_bear_is_not_blamed() -> None:
     assert judge.unborne({"force": 1e12}, cold) == "" == judge.unborne({}, hot)
 
 
-def test_a_slab_that_nothing_holds_below_the_mould(tmp_path: Path) -> None:
-    told, time = refused(tmp_path, "taper_1", *SLAB)
-    assert "beyond small strain" in told and 'mechanics.strain = "large"' in told
+def test_slab_without_support_below_the_mould_fails(tmp_path: Path) -> None:
+    reason, time = refused(tmp_path, "taper_1", *SLAB)
+    assert "beyond small strain" in reason and 'mechanics.strain = "large"' in reason
     assert time >= 5.0  # the mould held it
 
 
-def test_a_face_that_is_held_in_a_mould_that_closes(tmp_path: Path) -> None:
-    """It cannot give way, and the wall goes on into it: 16 GPa before the end of the mould."""
+def test_held_face_in_a_closing_mould_fails(tmp_path: Path) -> None:
+    """It cannot yield, and the wall moves into it: 16 GPa before the end of the mould."""
     held = 'mechanics.held=[{on=["narrow_face"], component="x"}]'
-    told, time = refused(tmp_path, "taper_1", held, "casting.length=150 mm")
-    assert "the wall's pressure alone" in told and "supports" in told
+    reason, time = refused(tmp_path, "taper_1", held, "casting.length=150 mm")
+    assert "the wall's pressure alone" in reason and "supports" in reason
     assert 0.2 < time < 2.0

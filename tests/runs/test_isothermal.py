@@ -1,4 +1,4 @@
-"""Heat in runs: freezing at one temperature, flux at the surface, the wall, tables of enthalpy."""
+"""Heat in runs: isothermal freezing, surface flux, temperature of the wall, tables of enthalpy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MELTING = 1775.65  # K
 
 
 def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
-    """Temperature in the middle of two faces, K, and the heat of the whole, J/m, after 1.5 s."""
+    """Return the temperature in the middle of two faces, K, and all heat, J/m, after 1.5 s."""
     case = load_case(
         "cases/billet125/taper_1.toml",
         (
@@ -51,7 +51,7 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
         return found, time_loop.run_state.state.thermal.removed * simulation.section.multiplicity
 
 
-def test_isothermal_freezing_is_that_of_a_range_next_to_nothing() -> None:
+def test_isothermal_freezing_is_a_vanishing_range() -> None:
     """Two faces agree, a quarter and a half, and a freezing range of 1e-8 K."""
     (wide, narrow), heat = faces("quarter", "1502.5 degC")
     assert wide < MELTING - 50.0
@@ -62,8 +62,8 @@ def test_isothermal_freezing_is_that_of_a_range_next_to_nothing() -> None:
         assert other_heat == pytest.approx(heat, rel=1e-6)
 
 
-def test_steel_at_its_melting_point_has_not_frozen() -> None:
-    """Whatever the rounding of an interpolated temperature, down to what is cold for certain."""
+def test_steel_at_its_melting_point_is_liquid() -> None:
+    """For any rounding of an interpolated temperature, up to one that is certainly colder."""
     changes = {"solidus": "1502.5 degC", "liquidus": "1502.5 degC"}
     steel = load_steel("carbon_042", overrides=changes)
     rounding = np.array([0.0, 1e-12, -1e-12, 5e-10, -5e-10])
@@ -74,13 +74,13 @@ def test_steel_at_its_melting_point_has_not_frozen() -> None:
     assert steel.solid_fraction(steel.solidus - 1e-6) == 1.0
 
 
-# The heat flux told of a place of the surface is that place's own
+# The heat flux reported for a place of the surface is that of the place itself
 
 
 @pytest.mark.parametrize(
     ("cooled", "other"), [("mid_face", "narrow_face"), ("narrow_face", "mid_face")]
 )
-def test_through_a_face_that_nothing_cools_flows_nothing(cooled: str, other: str) -> None:
+def test_uncooled_face_has_no_flux(cooled: str, other: str) -> None:
     on = {"mid_face": "wide_face", "narrow_face": "narrow_face"}[cooled]
     case = billet(
         "thermal", "casting.length=30 mm", f"cooling.mould.surface.0.on=['{on}']", "mesh.order=1"
@@ -105,8 +105,8 @@ def _heat(gap: str, of: str) -> float:
     return summary.quantities["heat_removed"].value
 
 
-def test_radiation_counts_where_there_is_a_gap_alone() -> None:
-    """Of a case's own gap; and on the groups that both have."""
+def test_radiation_counts_only_across_a_gap() -> None:
+    """With a constant gap of the case; on the groups that both laws have."""
     touching = _heat(', gap="0 mm"', "")
     assert touching == _heat(', gap="0 mm"', ', on=["narrow"]')
     parts = ("", ', on=["narrow"]', ', on=["wide"]', NO_HEAT)
@@ -116,7 +116,7 @@ def test_radiation_counts_where_there_is_a_gap_alone() -> None:
 
 
 def test_radiation_crosses_the_gap_of_the_mould() -> None:
-    """A mould that opens: the corner, which touches nothing, loses more heat with radiation."""
+    """A mould that opens: the corner, which does not touch, loses more heat with radiation."""
     opens = ("taper_minus_1", "casting.length=90 mm")
     with_, without = (
         run_in_memory(billet(*opens, RADIATING % ("", of))).samples[-1] for of in ("", NO_HEAT)
@@ -126,13 +126,13 @@ def test_radiation_crosses_the_gap_of_the_mould() -> None:
     assert with_.flux["corner"] > without.flux["corner"]
 
 
-# The temperature of the wall along the mould is what the strand's heat meets
+# Heat flows to the wall at its temperature along the mould
 
 
 TABLE = '{position=[0, 30, 60], position_unit="mm", value=[100, 400, 200], unit="degC"}'
 
 
-def test_heat_meets_the_wall_where_it_is() -> None:
+def test_heat_flows_to_the_local_wall_temperature() -> None:
     """Without a gap the flux is h (T - T_wall(z)) at every depth."""
     case = shipped(
         "taper_3",
@@ -165,12 +165,12 @@ def test_heat_meets_the_wall_where_it_is() -> None:
         ),
     ],
 )
-def test_a_wall_has_one_temperature(changes: tuple[str, ...], message: str) -> None:
+def test_wall_has_one_temperature(changes: tuple[str, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         shipped("taper_1", *changes)
 
 
-# A table of enthalpies in a run: the same strand as by specific heat and latent heat
+# A table of enthalpies gives the same strand as specific heat and latent heat
 
 
 SOLIDUS, LIQUIDUS, HEAT, LATENT = 1452.0, 1502.5, 0.7, 270.0  # degC, kJ/(kg K), kJ/kg: carbon_042
@@ -187,10 +187,10 @@ def by_latent_heat(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return history(tmp_path_factory.mktemp("latent"), {})
 
 
-def test_a_table_of_enthalpies_is_specific_and_latent_heat(
+def test_enthalpy_table_is_specific_and_latent_heat(
     tmp_path: Path, by_latent_heat: pd.DataFrame
 ) -> None:
-    # Any datum; rows within the solid, the mushy zone and the liquid change nothing.
+    # The datum is arbitrary; rows within solid, mushy zone and liquid change nothing.
     t = np.array([20.0, 700.0, SOLIDUS, 1480.0, LIQUIDUS, 1520.0])
     frozen = np.interp(t, [SOLIDUS, LIQUIDUS], [1.0, 0.0])
     h = HEAT * t + (1.0 - frozen) * LATENT - 123.0
@@ -206,7 +206,7 @@ def test_a_table_of_enthalpies_is_specific_and_latent_heat(
     pd.testing.assert_frame_equal(found[physical], by_latent_heat[physical], rtol=1e-7, atol=1e-7)
 
 
-def test_a_peak_of_the_specific_heat_is_the_latent_heat_it_holds(
+def test_peak_of_specific_heat_is_its_latent_heat(
     tmp_path: Path, by_latent_heat: pd.DataFrame
 ) -> None:
     narrow = 1e-3  # K: the table is linear between its rows

@@ -1,4 +1,4 @@
-"""Surfaces that stay liquid, or freeze at once: they follow the wall, whatever that does."""
+"""Surfaces that stay liquid, or freeze at once, follow the wall."""
 
 from __future__ import annotations
 
@@ -76,11 +76,11 @@ value = "1000 degC"
 """
 
 
-def cast(folder: Path, **given: str) -> Kept:
-    """A billet in a mould."""
+def cast(folder: Path, **values: str) -> Kept:
+    """Run a billet in a mould, with values of the template replaced."""
     simulation = {"length": "150 mm", "cell": "quadrilateral", "size": "3 mm", "cooling": MILD}
     path = folder / "billet.toml"
-    path.write_text(BILLET.format(**{**simulation, "contact": "penalty", **given}))
+    path.write_text(BILLET.format(**{**simulation, "contact": "penalty", **values}))
     return run_in_memory(load_case(path))
 
 
@@ -91,7 +91,7 @@ def cast(folder: Path, **given: str) -> Kept:
 def test_liquid_follows_the_wall_and_presses_on_it(
     tmp_path: Path, cell: str, taper: str, contact: str
 ) -> None:
-    """All of its surface, with the pressure of its depth, and at the cost of a linear problem."""
+    """The full surface, with the pressure of its depth, and at the cost of a linear problem."""
     kept = cast(tmp_path, cell=cell, taper=taper, contact=contact)
     assert kept.summary.steps["coupling windows cut back"] == 0.0
     assert kept.summary.steps["Newton iterations, mechanics"] <= 4 * len(kept.samples)
@@ -100,17 +100,17 @@ def test_liquid_follows_the_wall_and_presses_on_it(
         touch = sample.mechanics.contact
         assert touch is not None and touch.share == 1.0 and touch.gap < 1e-9
         head = DENSITY * 9.81 * sample.position
-        # What bears the stretch of the surface is a stand-in of 30 times the pressure.
+        # The stretch of the surface is taken by a substitute stiffness of 30 times the pressure.
         assert touch.force == pytest.approx([-head * HALF] * 2, rel=1e-3)
     moved = kept.states[-1].mechanical
     assert np.abs(moved.displacement).max() < 1.5 * 0.03 * 0.3 * HALF
 
 
 @pytest.mark.parametrize(("mush", "most"), [("none", 1e-7), ("skeleton", 2e-7)])
-def test_a_hollow_surface_stays_where_it_is(tmp_path: Path, mush: str, most: float) -> None:
-    """Liquid without stiffness does not creep round the fillets, threefold each window.
+def test_hollow_surface_stays_in_place(tmp_path: Path, mush: str, most: float) -> None:
+    """Liquid without stiffness does not creep round the fillets, three times as far each window.
 
-    A skeleton, which bears as soon as the surface is mushy, creeps a little under the wall.
+    A skeleton, which carries load as soon as the surface is mushy, creeps a little under the wall.
     """
     path = tmp_path / "beam_blank.toml"
     path.write_text(BEAM_BLANK)
@@ -119,12 +119,12 @@ def test_a_hollow_surface_stays_where_it_is(tmp_path: Path, mush: str, most: flo
     kept = run_in_memory(load_case(path, changes))
     assert kept.samples[-1].shell["mid_face"] == 0.0
     first, last = (s.mechanical for s in (kept.states[1], kept.states[-1]))
-    # Once it has come from the mesh's facets to the wall's arcs.
+    # After it has moved from the mesh's facets to the wall's arcs.
     assert np.abs(first.displacement).max() > 1e-8
     assert np.abs(last.displacement - first.displacement).max() < most
 
 
-def test_a_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:
+def test_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:
     """A shell of 1000 degC at the meniscus, in a wall that closes on it."""
     kept = cast(tmp_path, cooling=GIVEN, taper="3 %/m", size="4 mm", length="15 mm")
     assert kept.value("shell_mid_face") > 0.5e-3
@@ -134,13 +134,13 @@ def test_a_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
 
 
-def test_a_shell_that_melts_open_off_its_wall_is_a_breakout() -> None:
-    """Told by place and gap; not where the wall is near, nor of liquid that was never solid."""
+def test_shell_that_remelts_off_its_wall_is_a_breakout() -> None:
+    """Reported with place and gap; not near the wall, nor for liquid that was never solid."""
     case = load_case(CASES / "taper_minus_3.toml", COARSE)
-    made = build(case, MPI.COMM_SELF)
-    problem, steel = made.mechanics.problem, made.steel  # type: ignore[union-attr]
+    simulation = build(case, MPI.COMM_SELF)
+    problem, steel = simulation.mechanics.problem, simulation.steel  # type: ignore[union-attr]
     try:
-        contact, owned = problem.contact, made.section.owned
+        contact, owned = problem.contact, simulation.section.owned
         solid, liquid = (np.full(owned, steel.solidus + by) for by in (-20.0, 5.0))
         fresh = contact.initial()
         off = replace(fresh, gap=np.full_like(fresh.gap, 1.2e-3))
@@ -150,9 +150,9 @@ def test_a_shell_that_melts_open_off_its_wall_is_a_breakout() -> None:
         for state, before in ((replace(off, gap=off.gap / 100.0), solid), (off, liquid)):
             contact.begin(state, 1.0, 1.1, before, liquid)
             assert contact.liquid.breakout() == ""
-        hot = made.stepper.initial(steel.solidus + 5.0).point.temperature
-        old = replace(made.mechanics.initial(1.0, solid), interactions=(off,))  # type: ignore[union-attr]
-        result = made.mechanics.step(old, 1.1, hot)  # type: ignore[union-attr]
+        hot = simulation.stepper.initial(steel.solidus + 5.0).point.temperature
+        old = replace(simulation.mechanics.initial(1.0, solid), interactions=(off,))  # type: ignore[union-attr]
+        result = simulation.mechanics.step(old, 1.1, hot)  # type: ignore[union-attr]
         assert result.refused and "breakout" in result.reason
     finally:
-        made.destroy()
+        simulation.destroy()

@@ -1,4 +1,4 @@
-"""One of two ranks meets an error, or a NaN, that the other does not: nobody is left waiting."""
+"""One of two ranks has an error, or a NaN, that the other has not: no rank is left waiting."""
 
 from __future__ import annotations
 
@@ -58,26 +58,26 @@ SHORT = (*COARSE, "casting.length=60 mm", "output.checkpoint_every=1")
 def failed(
     stage: str, case: str, folder: Path, how: str = COMMAND, *more: str
 ) -> subprocess.CompletedProcess[str]:
-    """A run on two ranks, the second of which fails alone."""
+    """Run a case on two ranks, only the second of which fails."""
     words = (stage, str(folder), f"billet125/{case}", *SHORT, *more)
     return python_on(2, "-c", PATCHED + how, *words, timeout=120.0)
 
 
 @needs_mpirun
-def test_an_error_within_a_solver_ends_a_script(tmp_path: Path) -> None:
+def test_error_within_a_solver_ends_a_script(tmp_path: Path) -> None:
     done = failed("table", "thermal", tmp_path, SCRIPT, "thermal.time.step=0.1 s")
     assert done.returncode == 2, done.stderr
-    said = "castfem: on rank 1: unexpected ValueError: 1600 degC lies outside of the table"
-    assert done.stderr.count(said) == 1
+    message = "castfem: on rank 1: unexpected ValueError: 1600 degC lies outside of the table"
+    assert done.stderr.count(message) == 1
     assert "in met" in done.stderr  # the traceback: it will not be seen elsewhere
     assert load_checkpoint(tmp_path / "checkpoint.h5")[0]["time"] == pytest.approx(0.4)
 
 
 @needs_mpirun
-def test_the_rank_of_the_files_leaves_word_before_it_aborts(tmp_path: Path) -> None:
-    """And what MUMPS holds is freed by all ranks or by none.
+def test_rank_of_the_files_records_its_abort(tmp_path: Path) -> None:
+    """What MUMPS holds is freed by all ranks or by none.
 
-    What another rank meets alone it cannot write: `show` calls that killed or aborted.
+    An error of only another rank cannot be recorded: `show` calls that killed or aborted.
     """
     words = ("law", str(tmp_path), "billet125/taper_1", *SHORT)
     done = python_on(2, "-c", PATCHED.replace("rank == 1", "rank == 0") + COMMAND, *words)
@@ -88,8 +88,8 @@ def test_the_rank_of_the_files_leaves_word_before_it_aborts(tmp_path: Path) -> N
 
 
 @needs_mpirun
-def test_a_nan_is_a_failure_of_all(tmp_path: Path) -> None:
-    """All know of it, cut the step back, and end in order with the last good state on disk."""
+def test_nan_is_a_failure_of_all_ranks(tmp_path: Path) -> None:
+    """All ranks cut the step back, and end in order with the last good state on disk."""
     done = failed("nan", "thermal", tmp_path, COMMAND, "thermal.time.step=0.1 s")
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("the solver fails at the smallest step") == 1
@@ -106,8 +106,8 @@ def test_a_nan_is_a_failure_of_all(tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
-def test_ranks_agree_whether_a_stage_is_evaluated_anew() -> None:
-    """It is a product of all: a NaN in the unknowns of one rank alone is not equal to itself."""
+def test_ranks_agree_on_evaluating_a_stage_again() -> None:
+    """The decision is collective: a NaN in the unknowns of one rank is not equal to itself."""
     comm = MPI.COMM_WORLD
     simulation = build(load_case(find("billet125/thermal"), COARSE), comm)
     state = simulation.stepper.initial(simulation.start_temperature)

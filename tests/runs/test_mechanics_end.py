@@ -1,4 +1,4 @@
-"""Where mechanics end, and where the mould changes and ends."""
+"""The end of the mechanics, and changes and end of the mould."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ PLAIN = ("coupling.follow_shape=false", "coupling.dissipation=0")
 
 
 def ended(*overrides: str) -> Case:
-    """A billet whose mechanics end at the exit of a mould of 50 mm."""
+    """Return a billet whose mechanics end at the exit of a mould of 50 mm."""
     return billet("taper_1", *LONG, ENDED, *overrides)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of it, with a probe and fields."""
+    """Return the folder of its run, with a probe and fields."""
     path = tmp_path_factory.mktemp("ended")
     run(probed(), path)
     return path
 
 
 def probed() -> Case:
-    """It with a probe and fields."""
+    """Return the case with a probe and fields."""
     return ended('output.fields=["displacement", "von_mises", "temperature"]').with_(
         {"output.probe": [{"name": "skin", "under": "mid_face", "depth": "2 mm"}]}
     )
@@ -55,12 +55,12 @@ def probed() -> Case:
 
 @pytest.fixture(scope="module")
 def table(folder: Path) -> pandas.DataFrame:
-    """Its history."""
+    """Return the history of the run."""
     return read_history(folder / "history.csv")
 
 
-def test_it_is_the_same_run_in_the_mould(tmp_path: Path, table: pandas.DataFrame) -> None:
-    """To the bit, in all columns; below it the full run is another one."""
+def test_run_is_the_same_in_the_mould(tmp_path: Path, table: pandas.DataFrame) -> None:
+    """To the bit, in all columns; below it the run with mechanics is another one."""
     run(billet("taper_1", *LONG), tmp_path)
     full = read_history(tmp_path / "history.csv")
     rows = int((table["position"] <= EXIT * (1 + 1e-9)).sum())
@@ -81,8 +81,8 @@ def test_columns_of_mechanics_are_empty_below(folder: Path, table: pandas.DataFr
     assert probe["von_mises"].isna().tolist() == table["von_mises_max"].isna().tolist()
 
 
-def test_the_fields_keep_the_shape(folder: Path) -> None:
-    """What heat flows through is the section as it left the mould; its stress is not known."""
+def test_fields_keep_the_shape(folder: Path) -> None:
+    """Heat flows through the section as it left the mould; its stress is not known."""
     with h5py.File(folder / "fields.h5") as file:
         steps = [file["steps"][name] for name in sorted(file["steps"])]
         moved, stress = ([np.asarray(s[n]) for s in steps] for n in ("displacement", "von_mises"))
@@ -90,19 +90,21 @@ def test_the_fields_keep_the_shape(folder: Path) -> None:
     assert np.array_equal(moved[-1], moved[-2]) and np.abs(moved[-1]).max() > 1e-6
 
 
-def test_the_summary_keeps_what_was_in_the_mould(tmp_path: Path, folder: Path) -> None:
-    """Maxima of the way are those of a run that ends there; the end itself has no stress."""
-    there = run(billet("taper_1", *MOULD, "casting.length=50 mm", ENDED), tmp_path)
+def test_summary_keeps_results_of_the_mould(tmp_path: Path, folder: Path) -> None:
+    """Maxima are those of a run that ends at the exit; the end itself has no stress."""
+    at_mould_exit = run(billet("taper_1", *MOULD, "casting.length=50 mm", ENDED), tmp_path)
     found = json.loads((folder / "summary.json").read_text())["quantities"]
     assert not {"von_mises_max", "gap_corner", "axial_strain"} & found.keys()
-    ways = [n for n in there.quantities if n.startswith(("mould_", "way_"))]
+    ways = [n for n in at_mould_exit.quantities if n.startswith(("mould_", "way_"))]
     assert {"mould_gap_max", "way_von_mises_max", "mould_heat_removed"} <= set(ways)
     for name in ways:
-        assert found[name]["value"] == pytest.approx(there.quantities[name].shown, rel=1e-12), name
+        assert found[name]["value"] == pytest.approx(
+            at_mould_exit.quantities[name].shown, rel=1e-12
+        ), name
 
 
-def test_it_cools_on_as_the_temperature_alone_would() -> None:
-    """From the enthalpy that it leaves the mould with, in a simulation without mechanics."""
+def test_cooling_continues_as_without_mechanics() -> None:
+    """From the enthalpy at the mould's exit, in a simulation without mechanics."""
     kept = run_in_memory(ended(*PLAIN))
     below = "casting.length=140 mm", "cooling.mould.to=50 mm", "mesh.order=2"
     with simulated(billet("thermal", *below)) as simulation:
@@ -115,24 +117,24 @@ def test_it_cools_on_as_the_temperature_alone_would() -> None:
             ),
         )
         loop.run()
-        alone = loop.run_state.state.thermal
+        expected = loop.run_state.state.thermal
     ours = kept.states[-1].thermal
-    assert ours.time == alone.time and np.allclose(ours.enthalpy, alone.enthalpy, rtol=1e-12)
-    assert ours.removed == pytest.approx(alone.removed, rel=1e-12)
+    assert ours.time == expected.time and np.allclose(ours.enthalpy, expected.enthalpy, rtol=1e-12)
+    assert ours.removed == pytest.approx(expected.removed, rel=1e-12)
 
 
 def at_exit(kept: Kept):  # type: ignore[no-untyped-def]
-    """The thermal state at the mould's exit."""
+    """Return the thermal state at the mould's exit."""
     return next(s for s in kept.states if s.time == pytest.approx(EXIT / 0.06)).thermal
 
 
-def test_heat_is_conserved_in_the_shape_it_keeps(folder: Path) -> None:
+def test_heat_is_conserved_in_the_kept_shape(folder: Path) -> None:
     found = json.loads((folder / "summary.json").read_text())["balances"]["heat"]
     assert abs(found["whole"]["value"]) < 1e-12 and abs(found["worst_step"]["value"]) < 1e-12
 
 
 @pytest.mark.parametrize("steps", [3, 5, 7])
-def test_it_resumes_byte_for_byte(tmp_path: Path, folder: Path, steps: int) -> None:
+def test_run_resumes_byte_for_byte(tmp_path: Path, folder: Path, steps: int) -> None:
     """From before the exit, at it, and below it."""
     stopped(probed(), tmp_path, steps)
     run(probed(), tmp_path, resume=True)
@@ -140,8 +142,8 @@ def test_it_resumes_byte_for_byte(tmp_path: Path, folder: Path, steps: int) -> N
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
 
 
-def test_a_length_may_be_given_and_the_run_may_end_before() -> None:
-    """Without a mould any place will do; a run that ends above it has its mechanics to the end."""
+def test_mechanics_end_at_a_length_or_with_the_run() -> None:
+    """Without a mould any length is valid; a run that ends above it has mechanics to its end."""
     kept = run_in_memory(billet("idealised", "casting.length=60 mm", "mechanics.until=30 mm"))
     has = [sample.mechanics is not None for sample in kept.samples]
     assert has == sorted(has, reverse=True) and not all(has)
@@ -151,7 +153,7 @@ def test_a_length_may_be_given_and_the_run_may_end_before() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ("mechanics.until=40 mm", "lies in the mould"),
         ("verification.closed_form=weiner_boley", "[verification] exclude each other"),
@@ -159,13 +161,13 @@ def test_a_length_may_be_given_and_the_run_may_end_before() -> None:
         ("mechanics.until=mould", 'or "mould_exit"'),
     ],
 )
-def test_what_makes_no_sense_is_refused(change: str, said: str) -> None:
+def test_invalid_input_is_rejected(change: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         ended(change)
-    assert [p for p in caught.value.problems if "mechanics.until" in p and said in p]
+    assert [p for p in caught.value.problems if "mechanics.until" in p and message in p]
 
 
-def test_a_start_below_the_end_is_refused() -> None:
+def test_start_below_the_end_is_refused() -> None:
     start = "casting.start.at=mould_exit"
     with pytest.raises(InputError, match="where the mechanics begin"):
         billet("idealised", start, ENDED, "casting.length=900 mm")
@@ -174,7 +176,7 @@ def test_a_start_below_the_end_is_refused() -> None:
         billet("idealised", ENDED, "cooling.0.name=hall", air)
 
 
-def test_results_of_the_end_are_refused_where_they_are_asked_for() -> None:
+def test_results_of_the_end_are_refused_if_requested() -> None:
     assert "mechanics.until" in fault_of(ended(), "von_mises_max")
     for name in ("way_von_mises_max", "mould_gap_max", "shell_corner"):
         assert fault_of(ended(), name) == ""
@@ -184,7 +186,7 @@ def test_results_of_the_end_are_refused_where_they_are_asked_for() -> None:
 
 
 def test_figures_show_the_last_stress(folder: Path) -> None:
-    """That at the exit, and the strand by its temperature, which is known all the way."""
+    """The stress at the exit, and the strand by its temperature, which is known all the way."""
     with Fields(folder) as fields:
         steel = Steel(1790.0, 1820.0)
         known = [von_mises(fields, i) is not None for i in range(len(fields.times))]
@@ -195,8 +197,8 @@ def test_figures_show_the_last_stress(folder: Path) -> None:
         pyplot.close(figure)
 
 
-def test_of_quality_the_heat_is_left(tmp_path: Path, table: pandas.DataFrame) -> None:
-    """End of the pool and time in the band, resumed as well; no index of a stress that ends."""
+def test_thermal_quality_results_remain(tmp_path: Path, table: pandas.DataFrame) -> None:
+    """End of the pool and time in the band, resumed as well; no index that needs the stress."""
     case = probed().with_({"quality": {"band": ["1100 degC", "1500 degC"]}})
     history_of(case, tmp_path, 6)
     found = read_history(tmp_path / "history.csv")
@@ -211,14 +213,14 @@ def test_of_quality_the_heat_is_left(tmp_path: Path, table: pandas.DataFrame) ->
     )
 
 
-# Where the mould changes and ends, a window ends, and heat is taken on below it
+# A window ends where the mould changes or ends, and cooling continues below it
 
 
 SHORT = ("casting.length=70 mm", "mould.length=50 mm")
 
 
-def test_intervals_end_where_the_mould_does() -> None:
-    """A gap of its own carries the heat on below the mould, so that no zone ends with it."""
+def test_windows_end_with_the_mould() -> None:
+    """A constant gap carries the heat below the mould, so that no zone ends with it."""
     kept = run_in_memory(
         billet(
             "taper_1",
@@ -235,13 +237,13 @@ def test_intervals_end_where_the_mould_does() -> None:
         assert (contact.pressure > 1e3) == (sample.position < 0.05 + 1e-12)
 
 
-def test_heat_goes_on_below_the_mould() -> None:
+def test_heat_flows_below_the_mould() -> None:
     kept = run_in_memory(billet("taper_1", *SHORT, "cooling.mould.to=50 mm"))
     below = [r for r in kept.samples if r.position > 0.05 + 1e-12]
     assert len(below) >= 2 and min(r.flux["mid_face"] for r in below) > 1e5
 
 
-def test_below_the_mould_there_is_no_gap(tmp_path: Path) -> None:
+def test_no_gap_below_the_mould(tmp_path: Path) -> None:
     """It is neither zero nor the distance to a wall that is not there."""
     case = billet("taper_1", *SHORT, "cooling.mould.to=50 mm", 'output.fields=["gap"]')
     summary = run(case.with_({"output.every": "0.25 s"}), tmp_path)
@@ -260,8 +262,8 @@ def test_below_the_mould_there_is_no_gap(tmp_path: Path) -> None:
     assert np.isnan(gaps[-1]).all()
 
 
-def test_the_mould_is_remembered_below_it(tmp_path: Path) -> None:
-    """Its heat, the worst of its contact: also where a run goes on from a checkpoint below it."""
+def test_results_of_the_mould_survive_below_it(tmp_path: Path) -> None:
+    """Its heat, the worst of its contact: also in a run resumed from a checkpoint below it."""
     longer = ("casting.length=140 mm", "mould.length=100 mm", "cooling.mould.to=100 mm")
     kept = run_in_memory(billet("taper_0", *longer))
     inside = [r for r in kept.samples if 0.0 < r.position < 0.1 + 1e-12]

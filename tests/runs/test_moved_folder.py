@@ -1,4 +1,4 @@
-"""The folder of a run with the user's own steel and law repeats the run wherever it is put."""
+"""The folder of a run with the user's own steel and law repeats the run at any location."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HISTORY = "history.csv"
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """A folder with a steel and a law."""
+    """Return a folder with a steel and a law."""
     folder = tmp_path / "own"
     folder.mkdir()
     steels, sets = (
@@ -32,7 +32,7 @@ def own(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_moved_folder_repeats_the_run(
+def test_moved_folder_repeats_the_run(
     tmp_path: Path, own: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     changes = f"steel.name={own}/mine.toml", f"mechanics.law={own}/law.toml"
@@ -53,7 +53,7 @@ def test_a_moved_folder_repeats_the_run(
     monkeypatch.chdir(moved)
     assert execute(["run", "case.toml", "-o", "../again", "-q"]) == 0
     assert (moved / HISTORY).read_bytes() == (moved.parent / "again" / HISTORY).read_bytes()
-    # It goes on, and begins anew, from its own copies.
+    # It is resumed, and begins again, from its own copies.
     assert execute(["run", "--resume", ".", "-q"]) == 0
     assert len(json.loads((moved / "run.json").read_text())["commands"]) == 2
     assert execute(["run", "case.toml", "-o", ".", "-q"]) == 0
@@ -62,9 +62,7 @@ def test_a_moved_folder_repeats_the_run(
     assert found["files"] == record["files"] and len(found["commands"]) == 1
 
 
-def test_copies_go_with_the_run_and_no_file_of_the_user_is_touched(
-    tmp_path: Path, own: Path
-) -> None:
+def test_copies_belong_to_the_run_and_spare_user_files(tmp_path: Path, own: Path) -> None:
     case = billet("thermal", f"steel.name={own}/mine.toml", "casting.length=6 mm")
     theirs = tmp_path / "out" / "properties" / "steel" / "mine.toml"
     theirs.parent.mkdir(parents=True)
@@ -80,7 +78,7 @@ def test_copies_go_with_the_run_and_no_file_of_the_user_is_touched(
     assert [p.name for p in (tmp_path / "out" / "properties").rglob("*")] == ["steel", "notes"]
 
 
-def test_a_resume_with_another_steel_leaves_the_copies(tmp_path: Path, own: Path) -> None:
+def test_refused_resume_leaves_the_copies(tmp_path: Path, own: Path) -> None:
     case = billet("thermal", f"steel.name={own}/mine.toml", "casting.length=6 mm")
     run(case, tmp_path / "out")
     before = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*.*") if p.suffix != ".log"}
@@ -92,8 +90,8 @@ def test_a_resume_with_another_steel_leaves_the_copies(tmp_path: Path, own: Path
     assert after == before
 
 
-def test_property_files_are_told_by_their_contents(tmp_path: Path, own: Path) -> None:
-    """A folder has copies: that they lie elsewhere is no difference."""
+def test_property_files_are_compared_by_contents(tmp_path: Path, own: Path) -> None:
+    """A folder has copies: their location is no difference."""
     case = billet("thermal", f"steel.name={own}/mine.toml")
     folder = tmp_path / "out"
     text, files = portable(case, "properties")
@@ -102,15 +100,17 @@ def test_property_files_are_told_by_their_contents(tmp_path: Path, own: Path) ->
         (folder / name).write_bytes(content)
     existing_run.check(folder, case, resume=False, overwrite=False)
 
-    def told(*changes: str) -> str:
+    def difference(*changes: str) -> str:
         with pytest.raises(InputError) as refused:
             existing_run.check(folder, billet("thermal", *changes), resume=False, overwrite=False)
         return str(refused.value).partition("another case (")[2].partition(");")[0]
 
     mine = f"steel.name={own}/mine.toml"
-    assert told(mine, "casting.speed=3 m/min") == "casting.speed: 3.6 m/min there, 3 m/min here"
+    assert (
+        difference(mine, "casting.speed=3 m/min") == "casting.speed: 3.6 m/min there, 3 m/min here"
+    )
     (own / "other.toml").write_bytes((own / "mine.toml").read_bytes() + b"# changed")
     other = f"steel.name={own}/other.toml"
-    assert told(other) == "steel.name: mine.toml there, other.toml here"
+    assert difference(other) == "steel.name: mine.toml there, other.toml here"
     (own / "mine.toml").write_bytes((own / "other.toml").read_bytes())
-    assert told(mine) == "steel.name: other contents there, mine.toml here"
+    assert difference(mine) == "steel.name: other contents there, mine.toml here"

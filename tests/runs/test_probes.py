@@ -1,4 +1,4 @@
-"""Points that are followed: what they read, on several ranks, resumed, and not at all without."""
+"""Points that are followed: values, several ranks, resume, and runs without probes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def table(folder: Path, name: str) -> pandas.DataFrame:
     return read_history(folder / "probes" / f"{name}.csv")
 
 
-def test_a_probe_at_the_surface_reads_what_the_history_has(folder: Path) -> None:
+def test_probe_at_the_surface_agrees_with_the_history(folder: Path) -> None:
     skin, history = table(folder, "skin"), read_history(folder / "history.csv")
     for column, name in (
         ("time", "time"),
@@ -58,7 +58,7 @@ def test_a_probe_at_the_surface_reads_what_the_history_has(folder: Path) -> None
     assert outward.to_numpy() == pytest.approx(history["displacement_mid_face"].abs(), abs=1e-9)
 
 
-def test_a_depth_is_the_point_there(folder: Path) -> None:
+def test_depth_is_the_point_below_the_surface(folder: Path) -> None:
     one, other = table(folder, "tc-8"), table(folder, "same")
     assert one.to_numpy() == pytest.approx(other.to_numpy(), rel=1e-9, abs=1e-12)
     assert one["temperature"].iloc[-1] > table(folder, "skin")["temperature"].iloc[-1] + 50.0
@@ -74,14 +74,14 @@ def test_phases_and_strains(folder: Path) -> None:
     cold = found["temperature"] < 1494.0  # below the peritectic, of 0.42 %C
     assert cold.any() and not found["delta_ferrite"][cold].any()
     assert found["delta_ferrite"].max() > 0.0
-    # The planes strain the whole section alike, and the rate is that of the last window.
+    # The planes strain the section uniformly, and the rate is that of the last window.
     axial, times = found["strain_zz"].to_numpy(), found["time"].to_numpy()
     assert axial == pytest.approx(read_history(folder / "history.csv")["axial_strain"], abs=1e-9)
     rate = np.diff(axial) / np.diff(times)
     assert found["strain_rate_zz"].to_numpy()[1:] == pytest.approx(rate, rel=1e-6, abs=1e-10)
 
 
-def test_a_resumed_run_has_the_same_files_to_the_byte(folder: Path, tmp_path: Path) -> None:
+def test_resumed_run_has_the_same_files_to_the_byte(folder: Path, tmp_path: Path) -> None:
     stopped(probed(), tmp_path, 3)
     assert len(table(tmp_path, "skin")) < len(table(folder, "skin"))
     run(probed(), tmp_path, resume=True)
@@ -90,7 +90,7 @@ def test_a_resumed_run_has_the_same_files_to_the_byte(folder: Path, tmp_path: Pa
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
 
 
-def test_a_probe_that_comes_later_cannot_go_on(tmp_path: Path) -> None:
+def test_added_probe_prevents_a_resume(tmp_path: Path) -> None:
     case = billet("thermal", "casting.length=60 mm")
     run(case, tmp_path)
     longer = case.with_({"output.probe": PROBES, "casting.length": "90 mm"})
@@ -98,7 +98,7 @@ def test_a_probe_that_comes_later_cannot_go_on(tmp_path: Path) -> None:
         run(longer, tmp_path, resume=True)
 
 
-def test_a_run_without_probes_leaves_none_behind(tmp_path: Path) -> None:
+def test_run_without_probes_removes_old_files(tmp_path: Path) -> None:
     case = billet("thermal", "casting.length=12 mm")
     with castfem.run(case.with_({"output.probe": PROBES}), tmp_path) as result:
         assert list(result.probes) == [probe["name"] for probe in PROBES]
@@ -108,7 +108,7 @@ def test_a_run_without_probes_leaves_none_behind(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "probes").iterdir()] == ["mine.csv"]
 
 
-def test_a_file_of_the_users_is_not_written_over(tmp_path: Path) -> None:
+def test_file_of_the_user_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "probes").mkdir()
     (tmp_path / "probes" / "skin.csv").write_text("mine")
     case = billet("thermal", "casting.length=12 mm").with_({"output.probe": PROBES})
@@ -117,13 +117,13 @@ def test_a_file_of_the_users_is_not_written_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
-def test_two_ranks_read_what_one_reads(shared_folder: Path) -> None:
-    alone, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
-    run(probed(), alone)
+def test_ranks_agree(shared_folder: Path) -> None:
+    single, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
+    run(probed(), single)
     loop.run(probed(), many, comm=MPI.COMM_WORLD)
     MPI.COMM_WORLD.Barrier()
     for probe in PROBES:
-        one, two = (table(folder, probe["name"]) for folder in (alone, many))
+        one, two = (table(folder, probe["name"]) for folder in (single, many))
         size = one.abs().max().to_numpy()
         assert (np.abs(one - two).max().to_numpy() <= 1e-6 * np.maximum(size, 1e-9)).all()
 
@@ -139,18 +139,18 @@ def test_two_ranks_read_what_one_reads(shared_folder: Path) -> None:
         ({"name": "a", "x": "-30 mm", "y": "0 mm"}, r"probe\.0\.x: .* is a quarter; .* 30 mm"),
     ],
 )
-def test_what_says_no_place_is_refused(probe: dict[str, Any], message: str) -> None:
+def test_probe_without_a_place_is_refused(probe: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         billet("thermal").with_({"output.probe": [probe]})
 
 
-def test_two_of_a_name_are_refused() -> None:
+def test_duplicate_names_are_refused() -> None:
     one = {"name": "a", "x": "1 mm", "y": "1 mm"}
     with pytest.raises(InputError, match=r'probe\.1\.name: \("A"\) is used twice'):
         billet("thermal").with_({"output.probe": [one, one | {"name": "A"}]})
 
 
-def test_the_check_finds_a_place_that_the_section_has_not(tmp_path: Path) -> None:
+def test_check_finds_places_outside_the_section(tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     places = (
         {"under": "midface", "depth": "1 mm"},
@@ -170,8 +170,8 @@ def test_the_check_finds_a_place_that_the_section_has_not(tmp_path: Path) -> Non
     assert third.startswith(f'{path}: output.probe "p2": x = 62, y = 62 mm lies outside the sect')
 
 
-def test_a_run_refuses_a_place_off_the_section(tmp_path: Path) -> None:
-    """As the check does, which says it of a depth beyond the middle as well."""
+def test_run_refuses_a_place_outside_the_section(tmp_path: Path) -> None:
+    """As the check does, with the same message for a depth beyond the middle."""
     probe = {"name": "a", "under": "mid_face", "depth": "80 mm"}
     case = billet("thermal").with_({"output.probe": [probe]})
     with pytest.raises(InputError, match=r"depth \(80 mm\) is beyond .* at 62\.5 mm"):

@@ -1,4 +1,4 @@
-"""What ends before its time goes on as if it had not: counts, references, history, files."""
+"""Runs that end early are resumed without a trace: counts, references, history, files."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def rows(folder: Path) -> int:
 
 
 def same_run(one: Path, other: Path) -> None:
-    """The histories of two folders have the same times and numbers."""
+    """Check that the histories of two folders have the same times and numbers."""
     ours, theirs = (read_history(folder / "history.csv") for folder in (one, other))
     assert ours.shape == theirs.shape
     assert np.allclose(ours.to_numpy(), theirs.to_numpy(), rtol=1e-6, atol=1e-9, equal_nan=True)
 
 
 def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException, time: float) -> None:
-    """Let every thermal step from `time` (s) on meet an error."""
+    """Let every thermal step from `time` (s) on raise an error."""
     take = ThermalSteps.one
 
     def one(self: ThermalSteps, state, *given):  # type: ignore[no-untyped-def]
@@ -70,7 +70,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException, time: float) 
     monkeypatch.setattr(ThermalSteps, "one", one)
 
 
-def test_a_run_that_failed_in_its_first_step_goes_on(
+def test_run_that_failed_in_its_first_step_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case = thermal("casting.length=60 mm")
@@ -84,7 +84,7 @@ def test_a_run_that_failed_in_its_first_step_goes_on(
 
 
 def references(summary: Summary) -> dict[str, tuple[float | None, float]]:
-    """Name of each reference to where it holds and our value."""
+    """Return the position and our value of each reference, by its quantity."""
     return {c.reference.quantity: (c.reference.at, c.ours) for c in summary.references}
 
 
@@ -99,7 +99,7 @@ def test_references_of_the_old_end_survive_a_longer_run(tmp_path: Path) -> None:
     assert parts.keys() == short.keys() == whole.keys()
 
 
-def test_a_failed_run_is_not_compared_with_an_end_it_has_not_reached(
+def test_failed_run_is_not_compared_at_an_unreached_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case = thermal('reference.0.at="300 mm"')
@@ -111,8 +111,8 @@ def test_a_failed_run_is_not_compared_with_an_end_it_has_not_reached(
     assert list(references(summary)) == [case.reference[0].quantity]
 
 
-def test_an_interrupted_run_goes_on_from_its_last_step(tmp_path: Path) -> None:
-    """And its counts, Newton iterations too, are those of a run that was not interrupted."""
+def test_interrupted_run_resumes_from_its_last_step(tmp_path: Path) -> None:
+    """Its counts, Newton iterations too, are those of an uninterrupted run."""
     case = billet("taper_1", "casting.length=90 mm")
     stopped(case, tmp_path / "cut", 4)
     found = record(tmp_path / "cut")
@@ -136,7 +136,7 @@ def broken(self: Recorder, run: object) -> None:
 
 
 @pytest.mark.parametrize("save", [Recorder.save, broken])
-def test_any_error_leaves_the_last_good_state_and_is_not_hidden(
+def test_any_error_keeps_the_last_good_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, save: Callable[..., None]
 ) -> None:
     case = thermal("casting.length=60 mm", "thermal.time.step=0.1 s")
@@ -155,7 +155,7 @@ def test_any_error_leaves_the_last_good_state_and_is_not_hidden(
     same_run(tmp_path / "cut", tmp_path / "whole")
 
 
-def test_no_checkpoint_runs_ahead_of_the_history(
+def test_no_checkpoint_is_ahead_of_the_history(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A row that could not be written is missing from no resumed run."""
@@ -181,8 +181,8 @@ def test_no_checkpoint_runs_ahead_of_the_history(
     assert resumed.steps == whole.steps
 
 
-def test_a_history_with_holes_is_not_resumed(tmp_path: Path) -> None:
-    """It would go on with them in silence."""
+def test_history_with_missing_rows_is_not_resumed(tmp_path: Path) -> None:
+    """The gaps would remain without a message."""
     run(billet("taper_1", "casting.length=60 mm"), tmp_path)
     path, longer = tmp_path / "history.csv", billet("taper_1", "casting.length=75 mm")
     text = path.read_text()
@@ -195,10 +195,10 @@ def test_a_history_with_holes_is_not_resumed(tmp_path: Path) -> None:
     assert run(longer, tmp_path, resume=True).status == "finished"
 
 
-def test_ctrl_c_within_petsc_is_heeded_after_the_step(
+def test_ctrl_c_within_petsc_stops_after_the_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An exception raised there would come out as an error of PETSc."""
+    """An exception raised inside PETSc would be reported as an error of PETSc."""
     case = thermal("casting.length=60 mm", "thermal.time.step=0.1 s")
     residual, calls = ThermalProblem.residual, itertools.count()
 
@@ -221,11 +221,11 @@ def test_ctrl_c_within_petsc_is_heeded_after_the_step(
     same_run(tmp_path / "cut", tmp_path / "whole")
 
 
-def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     with Interrupt(MPI.COMM_SELF) as interrupt:
         interrupt.check()
         signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGINT)  # the same wish, told twice
+        signal.raise_signal(signal.SIGINT)  # the same request, received twice
         with pytest.raises(Stopped, match="stopped by the user") as stop:
             interrupt.check()
         assert "resume=True continues" in stop.value.__notes__[0]
@@ -236,8 +236,8 @@ def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-def test_a_signal_passed_on_twice_stops_one_run() -> None:
-    """By a batch system itself and through mpirun; the next run of a script is stopped as well."""
+def test_signal_received_twice_stops_one_run() -> None:
+    """From a batch system and through mpirun; the next run of a script is stopped as well."""
     before = signal.getsignal(signal.SIGUSR1)
     try:
         for _ in range(2):
@@ -250,7 +250,7 @@ def test_a_signal_passed_on_twice_stops_one_run() -> None:
         signal.signal(signal.SIGUSR1, before)
 
 
-def test_signals_that_others_handle_are_left_alone() -> None:
+def test_signals_with_other_handlers_are_left_alone() -> None:
     seen: list[int] = []
     before = signal.signal(signal.SIGTERM, lambda number, _: seen.append(number))
     try:
@@ -263,10 +263,10 @@ def test_signals_that_others_handle_are_left_alone() -> None:
 
 
 @pytest.mark.parametrize("again", [True, False])
-def test_a_full_disk_is_told_once(
+def test_full_disk_is_reported_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture, again: bool
 ) -> None:
-    """By what ends the run; a state that cannot be saved for another reason has a warning."""
+    """By the error that ends the run; a state not saved for another reason gets a warning."""
     full = OSError(errno.ENOSPC, "No space left on device", "checkpoint.h5")
 
     def save(recorder: Recorder, state: object) -> None:
@@ -280,7 +280,7 @@ def test_a_full_disk_is_told_once(
     assert len(warned) == (0 if again else 1)
 
 
-TOLD = """
+SIGNALLED = """
 import os, signal, sys
 from castfem.cli import main
 from castfem.cli.parallel import communicator
@@ -296,12 +296,12 @@ main(sys.argv[1:])
 
 
 @needs_mpirun
-def test_a_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
-    """As of a terminal that closes: saved, and what goes on ends with the same numbers."""
+def test_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
+    """As from a closing terminal: the state is saved, and the resumed run has the same numbers."""
     options = (*COARSE, "casting.length=60 mm", "thermal.time.step=0.1 s")
     words = ["run", str(THERMAL), "-q", *(w for o in options for w in ("--set", o))]
     folder = tmp_path / "cut"
-    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), timeout=180.0)
+    done = python_on(2, "-c", SIGNALLED, *words, "-o", str(folder), timeout=180.0)
     assert done.returncode == 130, done.stderr
     assert done.stderr.count("castfem: interrupted; `castfem run ... --resume` continues") == 1
     assert record(folder)["reason"].startswith("stopped by SIGHUP")  # which MPI's UCX would swallow
@@ -315,8 +315,8 @@ def test_a_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
 @needs_mpirun
 @pytest.mark.skipif(not (HOME / "env.conf").is_file(), reason="needs the environment of make env")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_to_mpirun_saves_the_step(tmp_path: Path, number: signal.Signals) -> None:
-    """Its wrapper has the ranks stop before mpirun would kill them, a quarter of a second later."""
+def test_signal_to_mpirun_saves_the_step(tmp_path: Path, number: signal.Signals) -> None:
+    """Its wrapper stops the ranks before mpirun would kill them, a quarter of a second later."""
     options = (*COARSE, "casting.length=600 mm", "thermal.time.step=5 ms")
     words = ["castfem", "run", str(THERMAL), "-q", *(w for o in options for w in ("--set", o))]
     folder = tmp_path / "cut"
@@ -340,7 +340,7 @@ def test_a_signal_to_mpirun_saves_the_step(tmp_path: Path, number: signal.Signal
     assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(last)
 
 
-# A billet whose liquid is fed goes on from a checkpoint as if it had never been stopped
+# A billet with fed liquid resumes from a checkpoint as if it had never been stopped
 
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
@@ -349,13 +349,13 @@ FED_COARSE = (*cells(2, 10, 10), "coupling.interval=0.4 s", "casting.length=240 
 
 @pytest.fixture(scope="module")
 def whole_fed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The history of a run that was never stopped."""
+    """Return the history of an uninterrupted run."""
     return history_of(
         load_case(CASES / "taper_1.toml", FED_COARSE), tmp_path_factory.mktemp("whole")
     )
 
 
 @pytest.mark.parametrize("steps", [3, 6])
-def test_it_goes_on_byte_for_byte(tmp_path: Path, whole_fed: bytes, steps: int) -> None:
-    """Whether the checkpoint stands before or after another layer of cells has begun to freeze."""
+def test_fed_run_resumes_byte_for_byte(tmp_path: Path, whole_fed: bytes, steps: int) -> None:
+    """With the checkpoint before or after another layer of cells begins to freeze."""
     assert history_of(load_case(CASES / "taper_1.toml", FED_COARSE), tmp_path, steps) == whole_fed

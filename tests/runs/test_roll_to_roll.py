@@ -1,4 +1,4 @@
-"""Cooling from roll to roll: it is what zones written by hand are, and no heat or water is lost."""
+"""Cooling from roll to roll: equal to zones written by hand, and no heat or water is lost."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from castfem.physics.thermal.spray_flux import RollShare, SprayWater
 from castfem.runs.loop import TimeLoop
 
 FAN = {"name": "flat", "angle": "150 deg", "angle_along": "20 deg", "correlation": "nozaki"}
-LENGTH = footprint(0.1, np.deg2rad(20.0))  # m, of a spray
+LENGTH = footprint(0.1, np.deg2rad(20.0))  # m, length of a spray
 WIDTH = footprint(0.1, np.deg2rad(150.0))  # m, wider than the face
 
 
 def cooled(case: Case) -> tuple[Array, float, float]:
-    """Temperatures at the end, heat removed and the worst balance of a step."""
+    """Return the temperatures at the end, heat removed and the heat balance."""
     with simulated(case, MPI.COMM_WORLD) as simulation:
         sample = TimeLoop(simulation).run()
         temperature = sample.state.thermal.point.temperature.copy()
@@ -36,7 +36,7 @@ def cooled(case: Case) -> tuple[Array, float, float]:
 
 
 def by_hand(case: Case) -> Case:
-    """The same zones written into [[cooling]], one after another, down to the second pitch."""
+    """Return the same zones written into [[cooling]], one after another, to the second pitch."""
     table, machine = case.secondary, case.machine
     rolls = machine.pairs()
     assert rolls is not None
@@ -76,12 +76,12 @@ def by_hand(case: Case) -> Case:
     return rolled(cooling=zones, secondary=None, casting__length="0.65 m")
 
 
-def test_it_is_what_zones_written_by_hand_are() -> None:
+def test_cooling_equals_zones_written_by_hand() -> None:
     case = rolled(secondary=secondary(nozzle=[FAN]), casting__length="0.65 m")
     ours, heat, balance = cooled(case)
-    theirs, the_same, _ = cooled(by_hand(case))
+    theirs, expected_heat, _ = cooled(by_hand(case))
     assert ours == pytest.approx(theirs, abs=1e-6)
-    assert heat == pytest.approx(the_same, rel=1e-11)
+    assert heat == pytest.approx(expected_heat, rel=1e-11)
     assert balance < 1e-9
 
 
@@ -95,7 +95,7 @@ def cooling_of(case: Case, share: float = 1.0) -> SecondaryCooling:
 
 
 def sprayed(cooling: SecondaryCooling, time: float) -> list[float]:
-    """Water on the modelled part of each stretch under a spray, m3/s."""
+    """Return the water on the modelled part of each stretch under a spray, m3/s."""
     found = []
     for held in cooling.coolings:
         laws = [(p, law) for p, law in held.laws if isinstance(law, SprayWater)]
@@ -106,7 +106,7 @@ def sprayed(cooling: SecondaryCooling, time: float) -> list[float]:
 
 
 def test_all_water_of_a_circuit_reaches_the_strand() -> None:
-    """A narrow spray on fine cells: four gaps, two faces of which half is modelled."""
+    """A narrow spray on fine cells: four gaps, two faces; half of each is modelled."""
     fan = FAN | {"angle": "60 deg", "edge": 1.0}
     case = rolled(
         secondary=secondary(nozzle=[fan]), mesh__face_size="2 mm", mesh__surface_size="2 mm"
@@ -124,7 +124,7 @@ def test_water_of_some_nozzles_at_two_thirds() -> None:
 
 
 def test_water_follows_speed_and_time() -> None:
-    """Speeds between the rows of its table are met while the strand slows down."""
+    """The steps end at the speeds of the rows of its table while the strand slows down."""
     speed = {"time": [0, 10, 20], "time_unit": "s", "value": [2.0, 2.0, 1.0], "unit": "m/min"}
     flow = {"speed": [1.0, 1.5, 2.0], "speed_unit": "m/min", "value": [6, 10, 20], "unit": "L/min"}
     case = rolled(secondary=secondary(circuit=[circuit(flow=flow)]), casting__speed=speed)
@@ -138,8 +138,8 @@ def test_water_follows_speed_and_time() -> None:
     assert sprayed(timed, 12.5)[0] == pytest.approx(2.5 * sprayed(timed, 5.0)[0])
 
 
-def test_speeds_of_the_water_are_met_from_the_meniscus_on() -> None:
-    """In a table whose first row is that of time 0."""
+def test_steps_end_at_speeds_of_the_water_table() -> None:
+    """In a table of speed whose first row is at time 0."""
     speed = {"time": [0, 10], "time_unit": "s", "value": [1.0, 2.0], "unit": "m/min"}
     flow = {"speed": [1.0, 1.5, 2.0], "speed_unit": "m/min", "value": [6, 10, 20], "unit": "L/min"}
     case = rolled(secondary=secondary(circuit=[circuit(flow=flow)]), casting__speed=speed)
@@ -148,7 +148,7 @@ def test_speeds_of_the_water_are_met_from_the_meniscus_on() -> None:
 
 
 def test_water_falls_off_the_extrados() -> None:
-    """Where the strand lies it stays on the intrados alone."""
+    """On a horizontal strand it stays only on the intrados."""
     segment = SECONDARY | {"falls_off": "20 deg", "run_off": "900 W/(m^2 K)"}
     bent = {
         "first": "300 mm",
@@ -170,8 +170,8 @@ def test_water_falls_off_the_extrados() -> None:
     assert found["mid_face_extrados"] == pytest.approx(found["mid_face"], abs=1e-6)
 
 
-def test_a_roll_takes_its_share() -> None:
-    """Of a pitch whose surface stays as warm as it is, and nearly of one that does not."""
+def test_roll_takes_its_share() -> None:
+    """Of the heat of a pitch: exactly with a constant surface temperature, else nearly."""
     contact = {"angle": "20 deg", "share": 0.1}
     cooling = cooling_of(rolled(secondary=secondary(contact=contact)))
     rolls = [law for c in cooling.coolings for _, law in c.laws if isinstance(law, RollShare)]
@@ -182,7 +182,7 @@ def test_a_roll_takes_its_share() -> None:
     assert 0.0 < (whole - bare) / whole < 0.1
 
 
-def test_it_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
+def test_run_resumes_byte_for_byte(tmp_path: Path) -> None:
     """In the middle of a spray, byte for byte."""
     case = rolled(thermal__time={"adaptive": {"tolerance": "0.05 K"}}, casting__length="0.7 m")
     whole = history_of(case, tmp_path / "whole")
@@ -190,7 +190,7 @@ def test_it_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
 
 
 def _table(low: float, high: float) -> dict[str, Any]:
-    """A model of nozzle whose h is 400 W/m2K at 10 L/(m2 s), known between two temperatures."""
+    """Return a nozzle with h = 400 W/m2K at 10 L/(m2 s), known between two temperatures."""
     columns = {
         "temperature": [low, low, high, high], "temperature_unit": "degC",
         "water": [0, 50, 0, 50], "water_unit": "L/(m^2 s)",
@@ -204,7 +204,7 @@ def _table(low: float, high: float) -> dict[str, Any]:
     [((20.0, 1600.0), []), ((1300.0, 1600.0), ["to 1600"]), ((20.0, 500.0), ["to 500"]),
      ((1300.0, 1310.0), ["to 1310", "to 1310"])],
 )  # fmt: skip
-def test_a_surface_beyond_the_table_of_its_nozzles_is_told_once(
+def test_surface_beyond_the_nozzle_table_is_reported_once(
     range_: tuple[float, float], sides: list[str], told: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
     cooled(rolled(secondary=secondary(nozzle=[_table(*range_)]), casting__length="0.75 m"))
@@ -216,7 +216,7 @@ def test_a_surface_beyond_the_table_of_its_nozzles_is_told_once(
 
 
 @pytest.mark.mpi
-def test_ranks_tell_of_the_same_surface(told: pytest.LogCaptureFixture) -> None:
+def test_ranks_report_the_same_surface(told: pytest.LogCaptureFixture) -> None:
     cooled(rolled(secondary=secondary(nozzle=[_table(1300.0, 1600.0)]), casting__length="0.6 m"))
     lines = [one.getMessage() for one in told.records if "its coefficient is known" in one.message]
     assert len(lines) == 1 and len(set(MPI.COMM_WORLD.allgather(lines[0]))) == 1

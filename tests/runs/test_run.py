@@ -1,4 +1,4 @@
-"""A run: what it writes, how it is stopped, and what is asked once."""
+"""A run: its files, how it is stopped, and what it queries only once."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def billet(*overrides: str) -> Case:
     return load_case(CASES / "billet125" / "thermal.toml", (*COARSE, *overrides))
 
 
-def test_a_run_leaves_the_whole_folder(tmp_path: Path) -> None:
+def test_run_writes_the_complete_folder(tmp_path: Path) -> None:
     summary = run(billet(), tmp_path)
     names = {p.name for p in tmp_path.iterdir() if not p.name.startswith(".")}
     assert names == {
@@ -66,7 +66,7 @@ def test_a_run_leaves_the_whole_folder(tmp_path: Path) -> None:
 
 
 def test_heat_removed_agrees_with_the_flux_integrated(tmp_path: Path) -> None:
-    """Two roads to one number: the balance's heat, and the surface flux over time at mid-face."""
+    """Two ways to one number: the balance's heat, and the surface flux over time at mid-face."""
     case = load_case(CASES / "verification" / "alloy_similarity.toml", ['casting.length="200 mm"'])
     run(case, tmp_path)
     history = read_history(tmp_path / "history.csv")
@@ -103,7 +103,7 @@ RUBBING = (
 
 @pytest.fixture(scope="module")
 def never_killed(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[Path, Summary]]:
-    """Folder and summary of a run that goes to its end, once for all that are killed."""
+    """Return folder and summary of an uninterrupted run, once for all that are killed."""
 
     @cache
     def _whole(name: str, settings: tuple[str, ...]) -> tuple[Path, Summary]:
@@ -122,7 +122,7 @@ def never_killed(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tupl
         ("taper_0", RUBBING, 2, 20, 6),  # before the first checkpoint but that of the meniscus
     ],
 )
-def test_killed_and_resumed_is_the_run_that_was_never_killed(
+def test_killed_and_resumed_run_is_the_uninterrupted_one(
     tmp_path: Path,
     never_killed: Callable[..., tuple[Path, Summary]],
     name: str,
@@ -161,11 +161,11 @@ def test_checkpoint_of_other_physics_is_refused(tmp_path: Path) -> None:
     run(billet('casting.length="100 mm"'), tmp_path)
     with pytest.raises(InputError, match="another case"):
         run(billet('casting.speed="3 m/min"'), tmp_path, resume=True)
-    # How equations are solved is no physics.
+    # Settings of the solver are no physics.
     run(billet("thermal.solver.snes_max_it=40", 'casting.length="120 mm"'), tmp_path, resume=True)
 
 
-def test_failed_run_says_why_and_keeps_the_last_good_state(tmp_path: Path) -> None:
+def test_failed_run_has_a_reason_and_its_last_good_state(tmp_path: Path) -> None:
     case = billet('thermal.solver={ksp_type="preonly", pc_type="none", snes_max_it=5}')
     with pytest.raises(RunFailure, match="smallest step"):
         run(case, tmp_path)
@@ -179,7 +179,7 @@ def test_failed_run_says_why_and_keeps_the_last_good_state(tmp_path: Path) -> No
     assert history["time"].iloc[-1] == pytest.approx(record["reached"]["time"])
 
 
-def test_only_what_was_asked_for(tmp_path: Path) -> None:
+def test_only_requested_files_are_written(tmp_path: Path) -> None:
     run(billet("output.fields=[]", "output.checkpoint_every=0", 'casting.length="60 mm"'), tmp_path)
     names = {p.name for p in tmp_path.iterdir()}
     assert not names & {"fields.xdmf", "fields.h5", "checkpoint.h5"}
@@ -193,7 +193,7 @@ def test_only_what_was_asked_for(tmp_path: Path) -> None:
     ]
 
 
-def test_one_field_alone(tmp_path: Path) -> None:
+def test_only_the_requested_field_is_written(tmp_path: Path) -> None:
     run(billet('output.fields=["solid_fraction"]', 'casting.length="60 mm"'), tmp_path)
     text = (tmp_path / "fields.xdmf").read_text()
     assert "solid_fraction" in text
@@ -229,7 +229,7 @@ print("LOADED", unwanted, "GONE", [name for name in parts if find_spec(name) is 
 """
 
 
-def test_thermal_simulation_loads_nothing_it_does_not_ask_for(tmp_path: Path) -> None:
+def test_thermal_run_loads_only_what_it_needs(tmp_path: Path) -> None:
     case = str(CASES / "billet125" / "thermal.toml")
     overrides = [*COARSE, 'casting.length="60 mm"']
     run(billet('casting.length="60 mm"'), tmp_path / "first")  # the mesh is in the cache
@@ -242,8 +242,8 @@ def test_thermal_simulation_loads_nothing_it_does_not_ask_for(tmp_path: Path) ->
     assert "LOADED [] GONE []" in done.stdout
 
 
-def test_a_command_loads_nothing_it_does_not_ask_for(tmp_path: Path) -> None:
-    """A billet no rolls, a mould no copper, a thermal run with figures no pandas."""
+def test_command_loads_only_what_it_needs(tmp_path: Path) -> None:
+    """A billet loads no rolls, a mould no copper, a thermal run with figures no pandas."""
     code = (
         "import sys; from importlib.util import find_spec; from castfem.cli import execute; "
         "assert execute(sys.argv[2:]) == 0; unwanted = sys.argv[1].split(); "
@@ -272,7 +272,7 @@ def test_a_command_loads_nothing_it_does_not_ask_for(tmp_path: Path) -> None:
     assert "thinnest shell" in done.stdout  # read off the history
 
 
-def test_simulation_holds_only_the_laws_it_needs() -> None:
+def test_simulation_has_only_the_laws_it_needs() -> None:
     from castfem.model.build.simulation import build
     from castfem.physics.thermal import flux_laws
 
@@ -292,13 +292,13 @@ def test_full_caster_by_one_key(tmp_path: Path) -> None:
     history = read_history(tmp_path / "history.csv")
     for zone in summary.zones[:-1]:
         assert np.abs(history["position"] - zone.end).min() < 1e-9
-    # The thesis' numbers stand where they hold, at the mould's exit.
+    # The numbers of the thesis are compared at the mould's exit.
     ours = {c.reference.quantity: c.ours for c in summary.references}
     at_exit = history.iloc[(history["position"] - 0.6).abs().argmin()]
     assert ours["shell_mid_face"] == pytest.approx(1e-3 * at_exit["shell_mid_face"], rel=1e-9)
 
 
-def test_emissivity_that_the_steel_lacks_is_missed_before_the_run(tmp_path: Path) -> None:
+def test_missing_emissivity_is_reported_before_the_run(tmp_path: Path) -> None:
     case = load_case(
         CASES / "billet125" / "thermal.toml",
         ["steel.name=alloy_similarity", 'cooling.0.surface=[{law="radiation", ambient="25 degC"}]'],
@@ -307,16 +307,16 @@ def test_emissivity_that_the_steel_lacks_is_missed_before_the_run(tmp_path: Path
         run(case, tmp_path)
 
 
-# What cannot change during a run is asked for once, however often a run saves
+# What cannot change during a run is queried once, at any number of saves
 
 
-def test_there_is_a_checkpoint_a_second_at_most(
+def test_checkpoints_are_at_least_a_second_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without `output.checkpoint_every`; with it there is one as often as it says."""
+    """Without `output.checkpoint_every`; with it there is one every so many steps."""
     short = {"thermal.time": {"step": "10 ms"}, "output.fields": []}
-    asked, saved = itertools.count(), []
-    monkeypatch.setattr(recorder, "monotonic", lambda: 0.6 * next(asked))
+    calls, saved = itertools.count(), []
+    monkeypatch.setattr(recorder, "monotonic", lambda: 0.6 * next(calls))
     save = recorder.save_checkpoint
 
     def noted(path: Path, meta: dict[str, Any], *given: Any, **named: Any) -> None:
@@ -332,11 +332,11 @@ def test_there_is_a_checkpoint_a_second_at_most(
     assert saved == [*range(0, taken + 1, 20), taken]
 
 
-# An error that reads like the end of typed input is a failure, not an interruption
+# An error that looks like the end of typed input is a failure, not an interruption
 
 
 @pytest.mark.parametrize("place", ["build", "TimeLoop.advance"])
-def test_an_end_of_file_is_not_an_interruption(
+def test_end_of_file_is_not_an_interruption(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     def cut_off(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""Whole runs with mechanics and a mould give the same on one rank and on several."""
+"""Runs with mechanics and a mould give the same on one rank and on several."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ MOULDED = (
     "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
     "mechanics.law=kozlowski_zhu_signed",
 )  # fmt: skip
-# What is zero but for rounding, and rounds otherwise on other ranks.
+# Zero but for rounding, which differs on other ranks.
 LEFT_OVER = {"energy_error", "axial_force", "force_error"}
-# A small difference of displacements: on DOLFINx 0.11 other rounding leaves 1.9e-8 of it.
+# A small difference of displacements: on DOLFINx 0.11 other rounding changes it by 1.9e-8.
 EXACT = {"penetration": 2e-8} if dolfinx.__version__ >= "0.11" else {}
 ERRORS = {"error", "whole", "worst_step"}
 
 
 def run(folder: Path, ranks: int, case: str, overrides: tuple[str, ...], *words: str) -> None:
-    """A run as a user starts it; that on one rank, to which others are compared, in here."""
+    """Run a case as a user starts it; the reference on one rank runs in this process."""
     if ranks == 1:
         loop.run(load_case(CASES / f"{case}.toml", overrides), folder, comm=MPI.COMM_SELF)
         return
@@ -50,7 +50,7 @@ def run(folder: Path, ranks: int, case: str, overrides: tuple[str, ...], *words:
 
 
 def assert_same(one: pandas.DataFrame, other: pandas.DataFrame) -> None:
-    """Two histories are one."""
+    """Check that two histories agree."""
     assert list(other) == list(one) and len(other) == len(one)
     for name in set(one) - LEFT_OVER:
         ours, theirs = other[name].to_numpy(), one[name].to_numpy()
@@ -59,7 +59,7 @@ def assert_same(one: pandas.DataFrame, other: pandas.DataFrame) -> None:
 
 
 def numbers(folder: Path) -> dict[str, float]:
-    """All numbers of a summary but errors, by name."""
+    """Return all numbers of a summary but errors, by name."""
     content: dict[str, Any] = json.loads((folder / "summary.json").read_text())
     found = {name: entry["value"] for name, entry in content["quantities"].items()}
     for balance, terms in content["balances"].items():
@@ -69,7 +69,7 @@ def numbers(folder: Path) -> dict[str, float]:
 
 
 def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
-    """Two checkpoints are one; returns the arrays."""
+    """Check that two checkpoints agree; return the arrays."""
     (_, state), (_, ours) = (load_checkpoint(folder / "checkpoint.h5") for folder in (one, other))
     assert state.keys() == ours.keys()
     for name, values in state.items():
@@ -81,10 +81,10 @@ def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
 
 
 @needs_mpirun
-def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> None:
-    """What one rank does in one go, two begin and three end, as the corner leaves the wall.
+def test_mould_with_friction_resumes_on_other_ranks(tmp_path: Path) -> None:
+    """The run on one rank equals one begun on two and ended on three; the corner leaves the wall.
 
-    What Nitsche's method keeps at the wall among it, and the strain tensor of the law.
+    The state of Nitsche's method at the wall and the strain tensor of the law are compared, too.
     """
     case, end = "taper_0", "casting.length=105 mm"
     run(tmp_path / "one", 1, case, (*MOULDED, end))
@@ -103,8 +103,8 @@ def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> No
 
 
 @pytest.mark.mpi
-def test_a_closed_form_is_held_against_a_run_on_ranks(shared_folder: Path) -> None:
-    """Its errors are sums over the ranks, which the checkpoints need as well: they waited."""
+def test_closed_form_is_compared_on_ranks(shared_folder: Path) -> None:
+    """Its errors are sums over the ranks, which the checkpoints need as well: they once waited."""
     short = ("casting.length=3 mm", "output.checkpoint_every=2", "output.figures=false")
     case = load_case(CASES.parent / "verification" / "neumann.toml", short)
     one, many = (
@@ -115,8 +115,8 @@ def test_a_closed_form_is_held_against_a_run_on_ranks(shared_folder: Path) -> No
 
 
 @pytest.mark.mpi
-def test_a_run_of_a_script_without_a_folder_ends_on_all_ranks() -> None:
-    """Rank 0 alone makes the temporary folder; the others waited for it to look into one."""
+def test_scripted_run_without_a_folder_ends_on_all_ranks() -> None:
+    """Only rank 0 makes the temporary folder; the others once waited for it to look into one."""
     short = ("casting.length=3 mm", "output.figures=false")
     with castfem.run(load_case(CASES.parent / "verification" / "neumann.toml", short)) as result:
         heats = MPI.COMM_WORLD.allgather(result.summary.quantities["heat_removed"].value)

@@ -1,4 +1,4 @@
-"""A slab that goes with its stresses from its own mould to the rolls between which it bulges."""
+"""A slab that keeps its stresses from its own mould to the rolls between which it bulges."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ TAPER = 0.02  # 1/m
 
 
 def slab(**changes: object) -> Case:
-    """400 x 100 mm cast through a mould of 300 mm, then over three pairs of rolls."""
-    given = {
+    """Return a slab of 400 x 100 mm, cast through a mould of 300 mm, on three pairs of rolls."""
+    replaced = {
         "casting": {"speed": "0.6 m/min", "length": "0.51 m", "superheat": "20 K"},
         "mould": {"length": f"{END} m", "taper": {"wide_face": f"{100 * TAPER} %/m"}},
         "machine.rolls.position": [f"{place} m" for place in ROLLS],
         "coupling": {"interval": "60 mm", "passes": 1},
         "mechanics": {"law": "kozlowski_zhu_signed", "liquid": "fed", "bulging": "elastic"},
     } | {key.replace("__", "."): value for key, value in changes.items()}
-    table = deepcopy(SLAB) | given
+    table = deepcopy(SLAB) | replaced
     table["cooling"][0]["to"] = f"{END} m"
     table["cooling"][0]["surface"][0]["gap_conductivity"] = "0.15 W/(m K)"
     return small(table)
@@ -55,7 +55,7 @@ def wall_of(sample: Sample) -> ContactState:
     return next(one for one in mechanical.interactions if isinstance(one, ContactState))
 
 
-def test_the_mould_holds_the_faces_and_then_the_rolls(own: Kept) -> None:
+def test_mould_holds_the_faces_and_then_the_rolls(own: Kept) -> None:
     within = [s for s in own.samples if 0.0 < s.position <= END]
     assert within[-1].position == pytest.approx(END)
     for sample in within:
@@ -66,8 +66,8 @@ def test_the_mould_holds_the_faces_and_then_the_rolls(own: Kept) -> None:
         assert all(bed.stiffness > 0.0 for bed in rolls_of(sample).beds.values())
 
 
-def test_the_first_roll_stands_where_the_mould_leaves_the_face(own: Kept) -> None:
-    """Half of what the taper takes of 100 mm, and what the apertures lose below."""
+def test_first_roll_is_where_the_mould_leaves_the_face(own: Kept) -> None:
+    """Half of the taper's reduction of 100 mm, and the reduction by the apertures below."""
     left = 0.05 / (1.0 + TAPER * END) - 0.05
     for position in (END, *ROLLS[:2]):
         sample = below(own, position)
@@ -75,11 +75,11 @@ def test_the_first_roll_stands_where_the_mould_leaves_the_face(own: Kept) -> Non
         lost = np.interp(sample.position, ROLLS, [0.0, -0.1e-3, -0.15e-3])
         assert bed.offset == pytest.approx(left + lost, abs=1e-9)
         moved = sample.strained.moved["mid_face"]
-        # The face is held by its edges, too, the nearer the narrower it is.
+        # The edges also hold the face, more so the narrower it is.
         assert moved == pytest.approx(bed.rest, abs=20e-6)
 
 
-def test_the_end_of_the_mould_bears_the_first_span_and_is_no_roll(own: Kept) -> None:
+def test_end_of_mould_supports_the_first_span(own: Kept) -> None:
     first, second = (rolls_of(below(own, place)).memory for place in (END, ROLLS[0]))
     assert first["z"][:, -1] == pytest.approx(np.full(2, ROLLS[0] - END))
     assert second["z"][:, -1] == pytest.approx(np.full(2, ROLLS[1] - ROLLS[0]))
@@ -87,7 +87,7 @@ def test_the_end_of_the_mould_bears_the_first_span_and_is_no_roll(own: Kept) -> 
     assert second["force"] == pytest.approx(0.5 * (first["load"] + second["load"]))
 
 
-def test_a_first_roll_at_the_end_of_the_mould_has_no_span_above_it() -> None:
+def test_first_roll_at_the_mould_end_has_no_span_above() -> None:
     places = [f"{place} m" for place in (END, *ROLLS[1:])]
     kept = run_in_memory(slab(machine__rolls__position=places, casting__length="0.32 m"))
     memory = rolls_of(kept.samples[-1]).memory
@@ -95,8 +95,8 @@ def test_a_first_roll_at_the_end_of_the_mould_has_no_span_above_it() -> None:
     assert memory["force"] == pytest.approx(0.5 * memory["load"])
 
 
-def test_whether_rolls_pull_is_as_the_case_says() -> None:
-    """By default they do not below a mould that is there, whose corners come off their line."""
+def test_rolls_pull_as_the_case_states() -> None:
+    """By default they do not pull below a mould, whose corners leave the line of the rolls."""
     begun = {"at": "mould_exit"}
     for changes, pulls in (
         ({}, False),
@@ -111,8 +111,8 @@ def test_whether_rolls_pull_is_as_the_case_says() -> None:
             assert rolls.pull == pulls
 
 
-def test_it_resumes_byte_for_byte(tmp_path: Path) -> None:
-    """Stopped between the mould and the first roll: what spans that is not computed again."""
+def test_run_resumes_byte_for_byte(tmp_path: Path) -> None:
+    """Stopped between the mould and the first roll: the bulge there is not computed again."""
     case = slab(casting__length="0.39 m")
     assert history_of(case, tmp_path / "a") == history_of(case, tmp_path / "b", 6)
 
@@ -128,13 +128,13 @@ def test_it_resumes_byte_for_byte(tmp_path: Path) -> None:
          r'bulging\.pull: has no effect with model = "none"'),
     ],
 )  # fmt: skip
-def test_what_does_not_go_together_is_told(changes: dict[str, object], text: str) -> None:
-    with pytest.raises(InputError, match=text) as told:
+def test_conflicting_input_is_rejected(changes: dict[str, object], text: str) -> None:
+    with pytest.raises(InputError, match=text) as caught:
         slab(**changes)
-    assert len(str(told.value).splitlines()) == 1
+    assert len(str(caught.value).splitlines()) == 1
 
 
-# A freezing billet with its mechanics in steps far too long, and with a solver that gives up
+# A freezing billet with mechanics in far too long steps, and with a solver that gives up
 
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -145,11 +145,11 @@ def billet(*overrides: str, name: str = "idealised") -> Case:
     return load_case(CASES / "billet125" / f"{name}.toml", (*COARSE, *overrides))
 
 
-def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
-    """Two windows of 5 s through the mould: in balance, and about the stress of 0.4 s.
+def test_windows_a_hundred_times_longer(tmp_path: Path) -> None:
+    """Two windows of 5 s through the mould: in balance, and about the stress of windows of 0.4 s.
 
-    Heat keeps its own steps; the bulge of the first soft shell is what long steps miss.  The shell
-    is measured in the slice as it is, so what its strains are off, a thousandth, is in it.
+    Heat keeps its own steps; long steps miss the bulge of the first soft shell. The shell is
+    measured in the deformed slice, so it contains the error of its strains, a thousandth.
     """
     long = run(billet("coupling.interval=5 s"), tmp_path / "long")
     fine = run(billet("coupling.interval=0.4 s"), tmp_path / "fine")
@@ -165,11 +165,11 @@ def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
     for balance in ("axial force", "forces in the plane"):
         assert abs(long.balances[balance]["error"].value) < 1e-6
     table = read_history(tmp_path / "long" / "history.csv")
-    assert all(whole(row) for _, row in table.iterrows())
+    assert all(complete(row) for _, row in table.iterrows())
 
 
-def test_a_table_that_misses_the_end_by_rounding(tmp_path: Path) -> None:
-    """As inches do that were written as millimetres: no step goes from its last row to the end."""
+def test_table_that_misses_the_end_by_rounding(tmp_path: Path) -> None:
+    """As with inches written as millimetres: no step runs from its last row to the end."""
     heat = []
     for last in (300.0, 299.9999999988, 300.0000000012):
         table = {"position": [0, last], "position_unit": "mm", "value": [2e3, 1e3]}
@@ -185,52 +185,52 @@ def test_a_table_that_misses_the_end_by_rounding(tmp_path: Path) -> None:
     assert heat[1:] == pytest.approx(2 * heat[:1], rel=1e-9)
 
 
-def whole(row: pandas.Series) -> bool:
-    """Whether a row of a history has a number for everything that exists.
+def complete(row: pandas.Series) -> bool:
+    """Return whether a row of a history has a number for everything that exists.
 
-    Without a shell there is no cell in which the solidus lies, and with one there is.
+    Only with a shell there is a cell that contains the solidus.
     """
     cells = [name for name in row.index if name.startswith("solidus_cell_")]
-    there = {name: row[name.replace("solidus_cell_", "shell_")] > 0.0 for name in cells}
-    assert cells and all(np.isfinite(row[name]) == is_ for name, is_ in there.items())
+    has_shell = {name: row[name.replace("solidus_cell_", "shell_")] > 0.0 for name in cells}
+    assert cells and all(np.isfinite(row[name]) == is_ for name, is_ in has_shell.items())
     return bool(np.isfinite(row.drop(cells).to_numpy()).all())
 
 
-def failed(folder: Path, said: str) -> float:
-    """Time that a failed run has reached, s: that of its record, its last row, all of it good."""
+def failed(folder: Path, reason: str) -> float:
+    """Return the time a failed run has reached, s: in its record and in its last, valid row."""
     record = json.loads((folder / "run.json").read_text())
-    assert record["status"] == "failed" and record["reason"] == said
+    assert record["status"] == "failed" and record["reason"] == reason
     table = read_history(folder / "history.csv")
     last = table.iloc[-1]
     assert record["reached"]["time"] == pytest.approx(last["time"], rel=1e-11)
-    assert whole(last) and abs(last["force_error"]) < 1e-6
+    assert complete(last) and abs(last["force_error"]) < 1e-6
     return float(last["time"])
 
 
-def test_a_solver_that_gives_up_says_so(tmp_path: Path) -> None:
-    """One Newton iteration is not enough: cut back to the smallest step, then the reason."""
+def test_solver_failure_has_a_reason(tmp_path: Path) -> None:
+    """One Newton iteration is not enough: cut back to the smallest step, then failed."""
     short = ("casting.length=120 mm", "coupling.interval=0.5 s")
     with pytest.raises(RunFailure) as caught:
         run(billet(*short, "mechanics.solver.snes_max_it=1", "mechanics.tolerance=1e-8"), tmp_path)
-    said = str(caught.value)
+    message = str(caught.value)
     for part in ("mechanics", "smallest step", "DIVERGED_MAX_IT", "forces", "x tolerance"):
-        assert part in said
-    assert failed(tmp_path, said) < 2.0
+        assert part in message
+    assert failed(tmp_path, message) < 2.0
 
 
-def test_a_failed_run_goes_on_from_its_last_good_state(
+def test_failed_run_resumes_from_its_last_good_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing converges beyond 1 s, until it does: resumed, it is the run that never failed.
 
-    The failed attempts have found states, of contact and friction too: none is in the checkpoint.
+    The failed attempts have computed states, of contact and friction too: the checkpoint has none.
     """
     case = billet(
         "casting.length=105 mm", "coupling.interval=0.25 s", "mould.friction.law=coulomb",
         "mould.friction.coefficient=0.2", "mechanics.liquid=fed", "mechanics.ferrostatic=full",
         name="taper_0",
     )  # fmt: skip
-    whole = run(case, tmp_path / "whole")
+    complete = run(case, tmp_path / "whole")
     step = MechanicalStepper.step
 
     def stuck(self: MechanicalStepper, old: Any, time: float, *rest: Any) -> MechanicalResult:
@@ -245,9 +245,9 @@ def test_a_failed_run_goes_on_from_its_last_good_state(
             run(case, tmp_path / "cut")
     assert failed(tmp_path / "cut", str(caught.value)) == pytest.approx(1.0, rel=1e-11)
     resumed = run(case, tmp_path / "cut", resume=True)
-    assert resumed.status == "finished" and resumed.steps == whole.steps
-    assert whole.quantities["gap_max"].value > 1e-6
-    for name, quantity in whole.quantities.items():
+    assert resumed.status == "finished" and resumed.steps == complete.steps
+    assert complete.quantities["gap_max"].value > 1e-6
+    for name, quantity in complete.quantities.items():
         ours = resumed.quantities[name].value
         assert ours == pytest.approx(quantity.value, rel=1e-9, abs=1e-15), name
     (_, one), (_, other) = (

@@ -1,4 +1,4 @@
-"""The coarse slab on rolls with the pressure on, and a run of it that is stopped and goes on."""
+"""The coarse slab on rolls with its pressure, and a run of it that is stopped and resumed."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ pytestmark = pytest.mark.slow
 
 CASE = Path(__file__).parents[2] / "cases" / "slab1200" / "bending.toml"
 FACES = ("wide_face_intrados", "wide_face_extrados")
-GIVEN = 5e-5  # m: by which the rolls give way under the pressure
-BULGE = 2e-4  # m: which the foundation comes to step by step
+GIVEN = 5e-5  # m: displacement of the rolls under the pressure
+BULGE = 2e-4  # m: bulge that the foundation approaches step by step
 
 
 @dataclass(frozen=True)
 class Softening:
-    """Pressure of a liquid core, and a bulge that grows from step to step: it is remembered."""
+    """Foundation with the pressure of a liquid core, and a bulge that grows from step to step."""
 
     ferrostatic: Ferrostatic
     centre: Array
@@ -56,7 +56,7 @@ class Softening:
 
 @pytest.fixture
 def case(monkeypatch: pytest.MonkeyPatch) -> Case:
-    """From the exit of the mould on; rolls begin there, too."""
+    """Return the slab from the exit of the mould on, where the rolls begin, too."""
     make = mechanics.make_slice
 
     def on_rolls(*of: Any) -> Slice:
@@ -72,7 +72,7 @@ def case(monkeypatch: pytest.MonkeyPatch) -> Case:
                "output.checkpoint_every=1")  # fmt: skip
     document = load_case(CASE, changes).document()
     del document["mechanics"]["held"]
-    document["mechanics"]["ferrostatic"] = "full"  # fed liquid bears no part of it
+    document["mechanics"]["ferrostatic"] = "full"  # fed liquid takes no part of it
     document["casting"]["start"] = {"at": "mould_exit"}
     return from_document(document)
 
@@ -81,8 +81,8 @@ def history(folder: Path) -> pd.DataFrame:
     return read_history(folder / "history.csv")
 
 
-def test_a_slab_on_rolls(case: Case, tmp_path: Path) -> None:
-    """Held by its rolls, through bulge and pressure; resumed to the bit."""
+def test_slab_on_rolls(case: Case, tmp_path: Path) -> None:
+    """Held by its rolls, with bulge and pressure; resumed to the bit."""
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     unbroken = history_of(case, whole)
     stopped(case, parts, 3)
@@ -91,15 +91,15 @@ def test_a_slab_on_rolls(case: Case, tmp_path: Path) -> None:
     assert (parts / "history.csv").read_bytes() == unbroken
     found = history(whole)
     positions = found["position"].to_numpy()
-    assert np.abs(positions - 0.93).min() < 1e-6  # where the rolls ask for it
+    assert np.abs(positions - 0.93).min() < 1e-6  # where the rolls request it
     moved = [found[f"displacement_mid_face_{face}"].to_numpy() for face in ("intrados", "extrados")]
     assert moved[0] == pytest.approx(moved[1], rel=1e-6)
     rest = 1e3 * BULGE * (1.0 - 0.5 ** np.arange(len(moved[0])))
-    # Far from the edges the shell hands on all the pressure: it is where the rolls have it.
+    # Far from the edges the shell transmits all the pressure: it is at the position of the rolls.
     assert moved[0] == pytest.approx(rest, abs=1e-5)  # mm
 
 
-# The shipped slab in bender and straightener: what comes out whatever the data of the steel
+# The shipped slab in bender and straightener: results that hold for any data of the steel
 
 
 COARSE = (
@@ -111,13 +111,13 @@ COARSE = (
     "output.figures=false",
 )
 BENDER, STRAIGHTENER = (2.3225, 4.110086), (14.272438, 16.832438)  # m: rolls 8 to 15, 49 to 57
-HALF = 0.11  # m: of the thickness
+HALF = 0.11  # m: half of the thickness
 STRAIGHT = {"position": ["0.87 m", "30 m"], "diameter": ["130 mm", "130 mm"]}
 
 
 @dataclass
 class Slab:
-    """The slab through its machine, and one that goes straight down as far as the bender's end."""
+    """The slab through its machine, and a straight one as far as the end of the bender."""
 
     bent: Kept
     straight: Kept
@@ -134,7 +134,7 @@ def slab() -> Slab:
 
 
 def within(kept: Kept, ends: tuple[float, float]) -> list[Sample]:
-    """Samples behind the first of two positions (m), up to the second."""
+    """Return the samples behind the first of two positions (m), up to the second."""
     slack = 1e-6
     return [s for s in kept.samples if ends[0] + slack < s.position < ends[1] + slack]
 
@@ -143,8 +143,8 @@ def largest(samples: Sequence[Sample], probe: str) -> float:
     return max(s.strained.axial_stress[probe] for s in samples)
 
 
-def test_the_stretched_corners_are_pulled(slab: Slab) -> None:
-    """Extrados in bending, intrados in straightening, and there more (thesis VI.3.3)."""
+def test_stretched_corners_are_in_tension(slab: Slab) -> None:
+    """Extrados in bending, intrados in straightening, where it is more (thesis VI.3.3)."""
     bending, straightening = (within(slab.bent, e) for e in (BENDER, STRAIGHTENER))
     outside, inside = largest(bending, "corner_extrados"), largest(straightening, "corner_intrados")
     assert outside > 0.0
@@ -156,8 +156,8 @@ def test_the_stretched_corners_are_pulled(slab: Slab) -> None:
     assert 0.0 < -bending[-1].bending.work < -straightening[-1].bending.work
 
 
-def test_bending_leaves_the_neutral_axis_between_centre_and_intrados(slab: Slab) -> None:
-    """What bending alone does to the planes; contraction by cooling moves the axis outwards."""
+def test_neutral_axis_is_between_centre_and_intrados(slab: Slab) -> None:
+    """The effect of bending alone; contraction by cooling moves the axis outwards."""
     places = np.linspace(*BENDER, 3)  # at the end of a window each, but for 0.1 m
     strains, curvatures = [], []
     for kept in (slab.bent, slab.straight):
@@ -166,14 +166,14 @@ def test_bending_leaves_the_neutral_axis_between_centre_and_intrados(slab: Slab)
         curvatures.append(np.interp(places, at, [s.bending.curvature for s in kept.samples]))
     assert not curvatures[1].any()
     turned = np.diff(curvatures[0])
-    alone = np.diff(strains[0] - strains[1]) / turned
-    whole = np.diff(strains[0]) / turned
-    assert np.all((alone > 0.0) & (alone < HALF)), alone
-    assert np.all(whole < alone)
+    by_bending = np.diff(strains[0] - strains[1]) / turned
+    total = np.diff(strains[0]) / turned
+    assert np.all((by_bending > 0.0) & (by_bending < HALF)), by_bending
+    assert np.all(total < by_bending)
 
 
-def test_it_comes_out_straight(slab: Slab) -> None:
-    """On the arc at the radius of the rolls, and no curvature at the end."""
+def test_slab_comes_out_straight(slab: Slab) -> None:
+    """On the arc it has the radius of the rolls, and no curvature at the end."""
     arc = [s.bending.curvature for s in within(slab.bent, (BENDER[1], STRAIGHTENER[0]))]
     assert arc == pytest.approx([1.0 / (8.006 - HALF)] * len(arc), rel=1e-9)
     last = slab.bent.samples[-1].strained

@@ -1,4 +1,4 @@
-"""A run that begins below its mould, or with a profile of temperatures."""
+"""A run that begins below its mould, or with a temperature profile."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def test_depth_is_the_distance_from_the_nearest_face() -> None:
     loop.simulation.destroy()
 
 
-def test_below_the_mould_it_is_the_run_from_the_meniscus() -> None:
-    """Temperature alone: to rounding, heat and balance too."""
+def test_start_below_the_mould_is_the_run_from_the_meniscus() -> None:
+    """Temperature only: to rounding, heat and balance too."""
     whole, below = begun(rolled()), begun(rolled(casting__start=EXIT))
     state = below.run_state.state
     assert state.time == pytest.approx(10.0) and state.mechanical is None
@@ -60,7 +60,7 @@ def test_below_the_mould_it_is_the_run_from_the_meniscus() -> None:
         loop.simulation.destroy()
 
 
-def test_the_slice_is_unstrained_below_the_mould() -> None:
+def test_slice_is_unstrained_below_the_mould() -> None:
     loop = begun(rolled(casting__start=EXIT, **STRAINED))
     strand = loop.run_state.state
     assert strand.mechanical.time == strand.thermal.time == pytest.approx(10.0)
@@ -73,7 +73,7 @@ def test_the_slice_is_unstrained_below_the_mould() -> None:
     loop.simulation.destroy()
 
 
-def test_history_and_fields_begin_there(tmp_path: Path) -> None:
+def test_history_and_fields_begin_at_the_start(tmp_path: Path) -> None:
     given = {"figures": False, "every": "7 s", "fields": ["temperature"]}
     case = rolled(casting__start=EXIT, casting__length="0.45 m", output=given)
     assert run(case, tmp_path).status == "finished"
@@ -88,8 +88,8 @@ def test_history_and_fields_begin_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("at", ["meniscus", "mould_exit"])
-def test_it_begins_with_a_profile(at: str) -> None:
-    """Below the liquidus at the wall; its heat is counted from there."""
+def test_run_begins_with_a_profile(at: str) -> None:
+    """Below the liquidus at the wall; its heat is counted from the profile."""
     loop = begun(rolled(casting__start={"at": at, "profile": PROFILE}))
     state, section = loop.run_state.state.thermal, loop.simulation.section
     depth = 1e3 * depth_below_surface(section)
@@ -102,8 +102,8 @@ def test_it_begins_with_a_profile(at: str) -> None:
     loop.simulation.destroy()
 
 
-def test_a_meniscus_that_has_met_the_wall_is_that_much_further_down() -> None:
-    """Under one law of cooling the slice is where it would be 30 mm on; heat counts as poured."""
+def test_meniscus_with_contact_is_further_down() -> None:
+    """With one law of cooling the slice is as 30 mm further down; heat counts as poured."""
     ahead = begun(small({"casting.start": {"meniscus": "30 mm"}, "casting.length": "24 mm"}))
     plain = begun(small({"casting.length": "54 mm"}))
     first = ahead.run_state.state.thermal
@@ -119,8 +119,8 @@ def test_a_meniscus_that_has_met_the_wall_is_that_much_further_down() -> None:
         loop.simulation.destroy()
 
 
-def test_a_shell_of_the_meniscus_is_unstrained_in_its_mould(tmp_path: Path) -> None:
-    """And is solid from the first row of the history on."""
+def test_shell_at_the_meniscus_is_unstrained_in_its_mould(tmp_path: Path) -> None:
+    """It is solid from the first row of the history."""
     changes: dict[str, Any] = {
         "casting.start": {"meniscus": "120 mm"},
         "casting.length": "24 mm",
@@ -143,8 +143,8 @@ def test_a_shell_of_the_meniscus_is_unstrained_in_its_mould(tmp_path: Path) -> N
     assert table["von_mises_max"].iloc[-1] > 0.0
 
 
-def test_a_profile_and_liquid_that_is_fed() -> None:
-    """Heat is counted from the profile, and liquid comes as it was poured: they balance."""
+def test_profile_with_fed_liquid_balances() -> None:
+    """Heat is counted from the profile, and fed liquid comes as poured: they balance."""
     from castfem.runs.results.summary import summarise
 
     colder = PROFILE | {"value": [1100, 1495, 1525]}
@@ -167,13 +167,13 @@ def test_a_profile_and_liquid_that_is_fed() -> None:
          "there is no mould"),
     ],
 )  # fmt: skip
-def test_a_start_that_cannot_be(changes: dict[str, Any], text: str) -> None:
+def test_impossible_start_is_refused(changes: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError) as found:
         rolled(**changes)
     assert len(found.value.problems) == 1 and text in found.value.problems[0]
 
 
-def test_without_it_nothing_of_it_is_in_a_case() -> None:
+def test_case_without_a_start_is_unchanged() -> None:
     case = rolled()
     assert "start" not in case.document()["casting"] and "start" not in case.physics()["casting"]
     assert rolled(casting__start=EXIT).physics_hash() != case.physics_hash()

@@ -1,4 +1,4 @@
-"""Runs with mechanics: what they write, the axial forces, steps, friction and the first shell.
+"""Runs with mechanics: files, axial forces, steps, friction and the first shell.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -37,7 +37,7 @@ def test_fields_history_and_balances(tmp_path: Path) -> None:
         moved = fields.values("displacement", last)
     assert stress.shape[1] == 9 and moved.shape[1] == 3
     assert not moved[:, 2].any()
-    # Averages of the same points: near each other, the measure of the mean below the mean measure.
+    # Averages over the same points: the equivalent of the mean is below the mean equivalent.
     tensor = stress.reshape(-1, 3, 3)
     deviator = tensor - np.trace(tensor, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
     of_mean = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
@@ -57,7 +57,7 @@ def test_fields_history_and_balances(tmp_path: Path) -> None:
 
 
 def test_dissipation_heats(tmp_path: Path) -> None:
-    """The work that flow dissipates is in the heat balance, and can be left out."""
+    """The work dissipated by flow is in the heat balance, and can be left out."""
     with_, without = (
         run(idealised(f"coupling.dissipation={share}"), tmp_path / str(share)) for share in (1, 0)
     )
@@ -66,11 +66,11 @@ def test_dissipation_heats(tmp_path: Path) -> None:
     assert with_.balances["heat"]["whole"].value < 1e-9
 
 
-# A strip that freezes at one temperature has no mushy zone: a skeleton of it changes nothing
+# A strip that freezes at one temperature has no mushy zone: its skeleton changes nothing
 
 
-def test_a_skeleton_that_freezes_at_once_neither_folds_nor_bears() -> None:
-    """With a flow stress that fell to nothing with the solid fraction its cells folded."""
+def test_skeleton_at_isothermal_freezing_changes_nothing() -> None:
+    """When its flow stress fell to zero with the solid fraction, its cells folded."""
     path = shipped_cases.find("verification/weiner_boley_coarse")
     found = []
     for mush in ("none", "skeleton"):
@@ -82,7 +82,7 @@ def test_a_skeleton_that_freezes_at_once_neither_folds_nor_bears() -> None:
     assert abs(stress_with / stress - 1.0) < 0.02
 
 
-# The first of (38) as a reader can check it: stress, external force, accumulated friction, rest.
+# The first of (38), checked by hand: stress, external force, accumulated friction, remainder.
 
 
 WITH_FRICTION = (
@@ -93,9 +93,7 @@ WITH_FRICTION = (
 
 
 @pytest.mark.parametrize("method", ["penalty", "nitsche"])
-def test_pull_of_friction_and_external_force_are_that_of_the_stress(
-    tmp_path: Path, method: str
-) -> None:
+def test_friction_and_external_force_balance_the_stress(tmp_path: Path, method: str) -> None:
     external = 'mechanics.planes.force="8 N"'
     summary = run(billet("taper_1", *WITH_FRICTION, external, f"mould.contact={method}"), tmp_path)
     terms = {name: q.value for name, q in summary.balances["axial force"].items()}
@@ -103,14 +101,14 @@ def test_pull_of_friction_and_external_force_are_that_of_the_stress(
     assert terms["friction"] > 1.0
     assert terms["force"] == pytest.approx(terms["external"] + terms["friction"], rel=1e-6)
     assert abs(terms["reaction"]) < 1e-6 * terms["force"]
-    # Sticks or slides: the strand is drawn past a wall that stands, so most of it slides.
+    # Sticking or sliding: the strand moves along a wall at rest, so most of it slides.
     touching, sticking = (summary.quantities[f"contact_{n}"].value for n in ("share", "sticking"))
     assert 0.0 <= sticking < 0.5 * touching
-    # Of the whole strand, four times that of the quarter.
+    # The force of the whole strand is four times that of the quarter.
     found = summary.quantities
     assert found["mould_pull"].value == pytest.approx(4.0 * terms["friction"], rel=1e-12)
     assert found["mould_friction"].value > 0.0
-    # The pull is the friction of all steps, over the length that each has travelled.
+    # The pull is the sum over the steps of friction times the length of the step.
     table = read_history(tmp_path / "history.csv")
     travelled = np.diff(table["position"])
     pull = -np.cumsum(table["friction_force"].to_numpy()[1:] * travelled)
@@ -119,7 +117,7 @@ def test_pull_of_friction_and_external_force_are_that_of_the_stress(
     assert "friction_force [kN/m]" in header and "friction_pull [kN]" in header
 
 
-def test_a_force_on_the_strand_strains_all_its_parts_alike() -> None:
+def test_force_strains_quarter_and_half_equally() -> None:
     force = ("casting.length=30 mm", 'mechanics.planes.force="1 kN"')
     quarter, half = (
         run_in_memory(billet("coupled", *force, f"section.symmetry={s}")).samples[-1].mechanics
@@ -129,7 +127,7 @@ def test_a_force_on_the_strand_strains_all_its_parts_alike() -> None:
     assert half.strain == pytest.approx(quarter.strain, rel=1e-5)
 
 
-def test_what_planes_that_are_held_bear(tmp_path: Path) -> None:
+def test_reaction_of_imposed_planes(tmp_path: Path) -> None:
     held = 'mechanics.planes.a0="0"'
     summary = run(shipped("taper_1", *WITH_FRICTION, held), tmp_path)
     terms = {name: q.value for name, q in summary.balances["axial force"].items()}
@@ -140,8 +138,8 @@ def test_what_planes_that_are_held_bear(tmp_path: Path) -> None:
 # A billet with each law of friction, from the case file to the force on the strand
 
 
-# Law -> friction over the mould's pressure; what a law has without pressure, Pa, and over pressure
-# at most.
+# Law -> friction over the mould's pressure; friction without pressure, Pa, and its limit over
+# pressure.
 LAWS = {
     "limited, coefficient=0.3, yield_stress=10 MPa": (0.3, 0.0, 0.0),
     "tresca, share=0.3, yield_stress=10 MPa": (0.0, 0.3 * 10e6 / 3.0**0.5, 1.0),
@@ -152,7 +150,7 @@ LAWS = {
 
 @pytest.mark.parametrize("law", list(LAWS))
 def test_friction_of_each_law(law: str) -> None:
-    """The strand slides down the mould: friction at every point is the law's, and holds it back."""
+    """The strand slides down the mould: friction at every point is the law's, and opposes it."""
     keys = f"law={law}".split(", ")
     kept = run_in_memory(
         shipped("taper_1", "casting.length=210 mm", *(f"mould.friction.{key}" for key in keys))
@@ -165,14 +163,14 @@ def test_friction_of_each_law(law: str) -> None:
     share, most, steepest = LAWS[law]
     expected = share * state.pressure + np.minimum(steepest * state.pressure, most)
     size = np.hypot(*state.friction.T)
-    # Viscous friction at the speed of casting, but for what slides in the plane.
+    # Viscous friction at the casting speed, except what slides in the plane.
     assert size == pytest.approx(expected, rel=1e-3, abs=1e-3)
     assert -state.friction[:, 1] == pytest.approx(size, rel=2e-2, abs=1e-3)
-    if most == 500.0:  # all of it where the mould is pressed on
+    if most == 500.0:  # the full value where there is pressure
         assert (size > 499.0).any()
 
 
-# Steps of the mechanics within a window: as many as asked for, and the same as windows
+# Steps of the mechanics within a window: as many as requested, and the same as windows
 
 
 ALONE = ("casting.length=60 mm", "coupling.dissipation=0", "coupling.follow_shape=false")
@@ -184,8 +182,8 @@ def shape(kept: Kept) -> list[np.ndarray]:
     return [state.displacement, state.stress, state.internal, kept.states[-1].thermal.enthalpy]
 
 
-def test_steps_within_a_window_are_those_of_shorter_windows() -> None:
-    """Where the mechanics tell the heat nothing, it is all one how long they keep silent."""
+def test_steps_within_a_window_equal_shorter_windows() -> None:
+    """Where the mechanics do not act on the heat, the length of the window does not matter."""
     kept = [
         run_in_memory(billet("idealised", *ALONE, *STEPS, f"coupling.interval={window}", *step))
         for window, step in (
@@ -217,7 +215,7 @@ def test_work_and_iterations_are_those_of_all_steps() -> None:
     assert several.value("heat_removed") == pytest.approx(short.value("heat_removed"), rel=5e-3)
 
 
-# While slivers of solid freeze in fed liquid the slice keeps its thickness
+# The slice keeps its thickness while slivers of solid freeze in fed liquid
 
 
 COULOMB = 'mould.friction={law="coulomb",coefficient=0.3}'
@@ -229,34 +227,34 @@ def strained(window: str, *sets: str) -> Kept:
 
 
 def axial_strains(kept: Kept) -> list[float]:
-    """Axial strain after each window."""
+    """Return the axial strain after each window."""
     return [s.mechanical.generalized_strains[0] for s in kept.states if s.mechanical is not None]
 
 
 def test_axial_strain_does_not_depend_on_the_window() -> None:
-    """It drifted by so much a step: at 20 ms to +0.09 %, with friction to +0.6 %."""
+    """It once drifted with each step: at 20 ms to +0.09 %, with friction to +0.6 %."""
     coarse, fine = (axial_strains(strained(window, COULOMB)) for window in ("0.1 s", "0.04 s"))
     assert max(max(coarse), max(fine)) < 2e-5
     assert coarse[-1] == pytest.approx(-0.6e-3, abs=0.1e-3)
     assert fine[-1] == pytest.approx(coarse[-1], abs=0.6e-4)
 
 
-def test_a_small_force_moves_planes_without_a_shell_by_next_to_nothing() -> None:
-    """A hundredth of a newton on the strand: liquid alone gave way by 0.2 % in 40 mm."""
+def test_small_force_hardly_moves_planes_without_a_shell() -> None:
+    """A hundredth of a newton on the strand: liquid alone yielded by 0.2 % in 40 mm."""
     kept = strained("0.1 s", "casting.length=40 mm", "mechanics.planes.force=0.01 N")
     strains = axial_strains(kept)
     assert len(strains) > 5
     assert 0.0 < max(strains) < 2e-6
 
 
-# The gap with which a coupling window is tried first
+# The first gap that a coupling window is tried with
 
 
 TO_180 = 'casting.length="180 mm"'
 
 
-def test_a_gap_that_opens_evenly_is_found_at_once() -> None:
-    """What the tolerance of the coupling leaves is a fifth of it, with hardly a repetition."""
+def test_steadily_opening_gap_is_found_at_once() -> None:
+    """The remaining error is a fifth of the tolerance of the coupling, with hardly a repetition."""
     found = []
     for settled in ("1 K", "0.01 K"):
         kept = run_in_memory(
@@ -264,11 +262,11 @@ def test_a_gap_that_opens_evenly_is_found_at_once() -> None:
         )
         found.append((kept.value("surface_temperature_corner"), kept.summary.steps))
     (corner, steps), (settled_corner, _) = found
-    assert abs(corner - settled_corner) < 0.2  # 0.7 with the gap of the begin
+    assert abs(corner - settled_corner) < 0.2  # 0.7 with the gap at the beginning
     assert steps["coupling iterations"] < 1.2 * steps["coupling windows"]
 
 
-def test_a_slice_goes_on_as_it_moved() -> None:
+def test_slice_is_extrapolated_by_its_motion() -> None:
     """Displacement, free scalars and the generalized strains that belong to them."""
     case = billet("taper_0", TO_180)
     before, now = (state.mechanical for state in run_in_memory(case).states[-2:])
@@ -283,7 +281,7 @@ def test_a_slice_goes_on_as_it_moved() -> None:
         np.testing.assert_allclose(three - two, two - one, rtol=1e-9, atol=1e-18)
 
 
-def test_liquid_without_a_wall_is_named_where_no_step_can_hold_it() -> None:
+def test_liquid_without_a_wall_is_named_as_the_reason() -> None:
     wide = billet("taper_1", *BEFORE_SHELL, "mould.width=127 mm", "mould.height=127 mm")
     with pytest.raises(
         RunFailure, match=r"smallest step .*; mould\.width: \(127 mm\) leaves a gap"

@@ -1,4 +1,4 @@
-"""Sections in their moulds: unequal sides, rounds, beam blanks, and what symmetry leaves out."""
+"""Sections in their moulds: unequal sides, rounds, beam blanks, and parts by symmetry."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from castfem.runs.loop import TimeLoop
 HALF = ("section.symmetry=half", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm")
 WHOLE = ("section.symmetry=whole", "mesh.surface_size=4 mm", "mesh.corner_size=4 mm")
 SHORT = 'casting.length="90 mm"'
-WEAK = 1e-4  # of the force of a side of the wall: what springs may carry
+WEAK = 1e-4  # largest share of springs in the force of a side of the wall
 
 
 def cooled(**sides: int) -> str:
-    """Heat transfer, W/m2K, of all groups that begin with a name."""
+    """Return the heat transfer, W/m2K, of all groups that begin with a name."""
     law = 'law="contact", gap_conductivity="0.15 W/(m K)", wall="160 degC"'
-    given = [f'{{{law}, on=["{on}"], coefficient="{h} W/(m^2 K)"}}' for on, h in sides.items()]
-    return f"cooling.mould.surface=[{', '.join(given)}]"
+    laws = [f'{{{law}, on=["{on}"], coefficient="{h} W/(m^2 K)"}}' for on, h in sides.items()]
+    return f"cooling.mould.surface=[{', '.join(laws)}]"
 
 
 UNEQUAL = {
@@ -38,12 +38,12 @@ UNEQUAL = {
         narrow_face_left=1600, narrow_face_right=1300,
     ),
 }  # fmt: skip
-AXES = {HALF: (1,), WHOLE: (0, 1)}  # along which nothing but the wall holds the section
+AXES = {HALF: (1,), WHOLE: (0, 1)}  # along which only the wall holds the section
 
 
 @dataclass(frozen=True)
 class Drifting:
-    """A mould that moves sideways as the strand goes down, or closes on the right alone."""
+    """A mould that moves sideways as the strand goes down, or closes only on the right."""
 
     wall: Wall  #: the mould at rest
     by: tuple[float, float] = (0.0, 0.0)  #: its movement over the way, m/m
@@ -59,7 +59,7 @@ class Drifting:
 
 
 def in_a_wall_that(monkeypatch: pytest.MonkeyPatch, **does: Any) -> None:
-    """Let all moulds built from now on do so."""
+    """Replace all moulds built from now on."""
     build = build_mechanics.build_mould
     monkeypatch.setattr(
         build_mechanics, "build_mould", lambda *given: Drifting(build(*given), **does)
@@ -67,7 +67,7 @@ def in_a_wall_that(monkeypatch: pytest.MonkeyPatch, **does: Any) -> None:
 
 
 def forces(kept: Kept) -> tuple[Array, Array, Array]:
-    """Of the wall, of the springs (windows, 2), and of a side of the wall (windows,), N/m."""
+    """Return the forces of the wall, of springs (windows, 2), and of a side (windows,), N/m."""
     wall, springs, side = [], [], []
     for sample, state in zip(kept.samples[1:], kept.states[1:], strict=True):
         mechanics, contact = sample.mechanics, state.mechanical.contact  # type: ignore[union-attr]
@@ -80,7 +80,7 @@ def forces(kept: Kept) -> tuple[Array, Array, Array]:
 
 
 def moved(kept: Kept) -> dict[str, float]:
-    """Outward movement of the surface where the run ended, m."""
+    """Return the outward movement of the surface at the end of the run, m."""
     return kept.samples[-1].mechanics.moved
 
 
@@ -93,8 +93,8 @@ def moved(kept: Kept) -> dict[str, float]:
     ],
     ids=["whole", "half, large strain", "half, nitsche"],
 )
-def test_the_wall_alone_holds_the_strand(part: tuple[str, ...], taper: str, extra: str) -> None:
-    """However unequal its sides are cooled, the forces of the wall on them cancel."""
+def test_only_the_wall_holds_the_strand(part: tuple[str, ...], taper: str, extra: str) -> None:
+    """With any unequal cooling of its sides, the forces of the wall on them cancel."""
     wall, springs, side = forces(run_in_memory(billet(taper, *part, UNEQUAL[part], SHORT, extra)))
     assert side.max() > 200.0
     # At large strain the summary leaves out the strand's thickness, which differs by 1e-4.
@@ -104,8 +104,8 @@ def test_the_wall_alone_holds_the_strand(part: tuple[str, ...], taper: str, extr
         assert np.abs(wall[:, axis] + springs[:, axis]).max() < rounding * side.max()
 
 
-def test_a_strand_that_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It stays where it is, as if points of it were held: those would carry nothing either."""
+def test_strand_that_touches_nothing_stays_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As with points of it held, which would not carry anything either."""
     case = billet("taper_minus_3", *WHOLE, UNEQUAL[WHOLE], SHORT)
     springs = run_in_memory(case)
     make = build_mechanics.MechanicalProblem
@@ -120,7 +120,7 @@ def test_a_strand_that_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(forces(springs)[1]).max() < 1e-6
 
 
-def test_a_mould_that_moves_sideways_takes_the_strand_along(
+def test_mould_that_moves_sideways_moves_the_strand(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """By 0.45 mm and 0.18 mm: it is strained as in the mould at rest."""
@@ -137,8 +137,8 @@ def test_a_mould_that_moves_sideways_takes_the_strand_along(
         assert along.value(name) == pytest.approx(rest.value(name), rel=5e-4), name
 
 
-def test_a_mould_that_closes_on_one_side(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The strand gives way to the left: it is strained as in a mould that closes on both."""
+def test_mould_that_closes_on_one_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The strand moves to the left: it is strained as in a mould that closes on both sides."""
     case = billet("taper_0", *WHOLE, SHORT)
     with monkeypatch.context() as patch:
         in_a_wall_that(patch, closing=10e-3)
@@ -154,8 +154,8 @@ def test_a_mould_that_closes_on_one_side(monkeypatch: pytest.MonkeyPatch) -> Non
         assert one.value(name) == pytest.approx(both.value(name), rel=1e-4), name
 
 
-def test_a_section_held_on_one_side_alone() -> None:
-    """Without a mould: nothing is left loose, and what is added leaves it even about its middle."""
+def test_section_held_on_one_side() -> None:
+    """Without a mould: no free motion remains, and the added support is symmetric."""
     held = 'mechanics.held=[{on=["narrow_face_left"], component="x"}]'
     kept = run_in_memory(billet("idealised", *WHOLE, SHORT, held))
     found = moved(kept)
@@ -167,10 +167,10 @@ def test_a_section_held_on_one_side_alone() -> None:
     assert abs(mechanics.balance.support[1]) < 1e-6
 
 
-# A round in a straight mould, where the gap decides on the heat: whole as its quarter
+# A round in a straight mould, where the gap controls the heat: the full one as its quarter
 
 
-# What makes a round in a mould of its billet.
+# A round in a mould, as changes of the billet.
 ROUND: dict[str, Any] = {
     "casting.length": "200 mm",
     "section": {"shape": "round", "diameter": "150 mm"},
@@ -184,8 +184,8 @@ ROUND: dict[str, Any] = {
 }
 
 
-def test_the_gap_of_a_round_is_that_of_its_quarter() -> None:
-    """Windows are repeated, relaxed by sums over the surface: the same share of each vertex."""
+def test_gap_of_a_round_is_that_of_its_quarter() -> None:
+    """Windows are repeated, with relaxation by sums over the surface: equal for each vertex."""
     case = small(ROUND)
     quarter, whole = (
         run_in_memory(case.with_({"section.symmetry": part})) for part in ("quarter", "whole")
@@ -195,7 +195,7 @@ def test_the_gap_of_a_round_is_that_of_its_quarter() -> None:
     assert whole.value("heat_removed") == pytest.approx(quarter.value("heat_removed"), rel=1e-7)
 
 
-# A beam blank in its mould: a surface that is hollow between web and flange
+# A beam blank in its mould: the surface is concave between web and flange
 
 
 BEAM_BLANK = f"""
@@ -236,7 +236,7 @@ figures = false
 
 
 def test_beam_blank_in_its_mould(tmp_path: Path) -> None:
-    """Forces and heat balance, the wall is not entered, and it bears the liquid."""
+    """Forces and heat balance; the wall is not penetrated and takes the pressure of the liquid."""
     (tmp_path / "beam_blank.toml").write_text(BEAM_BLANK)
     kept = run_in_memory(load_case(tmp_path / "beam_blank.toml"))
     for sample in kept.samples[1:]:
@@ -245,7 +245,7 @@ def test_beam_blank_in_its_mould(tmp_path: Path) -> None:
         assert contact is not None and contact.penetration < 1e-6 and contact.share > 0.5
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
         assert abs(sample.balance) < 1e-9
-        # The lines of symmetry carry what the wall bears.
+        # The lines of symmetry take the force of the wall.
         left = mechanics.balance.support + contact.force
         assert np.abs(left).max() < 1e-6 * np.abs(contact.force).max()
     # At first there is next to no shell: one pressure, on half the width and half the web.
@@ -254,7 +254,7 @@ def test_beam_blank_in_its_mould(tmp_path: Path) -> None:
     assert kept.summary.balances["heat"]["whole"].value < 1e-9
 
 
-# The coupled billet does not know how much of its section is modelled, nor by which cells
+# The coupled billet does not depend on the modelled part of its section
 
 
 CASE = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
@@ -266,7 +266,7 @@ RUBBING = ("mould.contact=nitsche", "mould.friction.law=coulomb", "mould.frictio
 
 @lru_cache
 def ends(*changes: str) -> dict[str, float]:
-    """What the run comes to: heat, stress, movement, contact."""
+    """Return the results of a run at its end: heat, stress, movement, contact."""
     with simulated(load_case(CASE, (*COARSE, *changes))) as simulation:
         sample = TimeLoop(simulation).run()
     strained = sample.mechanics
@@ -286,7 +286,7 @@ def ends(*changes: str) -> dict[str, float]:
 @pytest.mark.parametrize(
     ("symmetry", "touch"), [("whole", ()), ("half", RUBBING)], ids=["penalty", "nitsche, friction"]
 )
-def test_quarter_half_and_whole_are_one(symmetry: str, touch: tuple[str, ...]) -> None:
+def test_quarter_half_and_full_section_agree(symmetry: str, touch: tuple[str, ...]) -> None:
     part, more = (ends(f'section.symmetry="{name}"', *touch) for name in ("quarter", symmetry))
     assert part["gap"] > 1e-6 and (part["friction"] < 0.0) == bool(touch)
     for name, value in part.items():

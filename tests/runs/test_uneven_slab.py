@@ -1,4 +1,4 @@
-"""A slab between rolls of which one is lost or off: bulge, slice, resistance."""
+"""A slab between rolls of which one is lost or misaligned: bulge, slice, resistance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FRICTION = 0.015
 
 
 def slab(*defects: dict[str, object], **changes: object) -> Case:
-    """400 x 100 mm from 0.85 m on over seven pairs of rolls, which bend it, or not."""
+    """Return a slab of 400 x 100 mm from 0.85 m over seven pairs of rolls, which may bend it."""
     from small_case import small
 
     rolls = {
@@ -61,31 +61,31 @@ def off() -> Kept:
 
 
 def within(kept: Kept, pitch: int) -> Sample:
-    """The first sample in a pitch, by the roll above it from 1."""
+    """Return the first sample in a pitch, by the number of the roll above it."""
     return below(kept, PLACES[pitch - 1])
 
 
 def at(kept: Kept, roll: int) -> Sample:
-    """The sample at a roll, from 1."""
+    """Return the sample at a roll, from 1."""
     return next(s for s in kept.samples if abs(s.position - PLACES[roll - 1]) < 1e-6)
 
 
-def test_a_lost_roll_is_one_long_pitch_between_sound_ones(sound: Kept, lost: Kept) -> None:
+def test_lost_roll_is_one_long_pitch(sound: Kept, lost: Kept) -> None:
     long, short = (rolls_of(within(kept, 3)).memory for kept in (lost, sound))
     assert long["z"][0, -1] == pytest.approx(2 * PITCH) and short["z"][0, -1] < 1.01 * PITCH
-    # Clamped between long pitches it would be 16 times as much; sound neighbours give way.
+    # Clamped between long pitches the ratio would be 16; sound neighbours yield.
     ratio = long["largest"] / short["largest"]
     assert np.all(ratio > 18.0) and np.all(ratio < 40.0)
     beside = [rolls_of(within(kept, 2)).memory["largest"][0] for kept in (lost, sound)]
     assert beside[0] < beside[1]
-    # The face follows, as far as its edges let it: it is no wider than the pitch is long.
+    # The face follows as far as its edges allow: it is no wider than the pitch is long.
     bed = rolls_of(within(lost, 3)).beds["wide_face_intrados"]
     moved = [within(kept, 3).strained.moved["mid_face_intrados"] for kept in (lost, sound)]
     assert moved[0] > 0.5 * bed.bulge and moved[0] > 8.0 * moved[1]
 
 
-def test_below_a_lost_roll_the_bed_is_as_soft_as_the_dip_is_deep(sound: Kept, lost: Kept) -> None:
-    """There the shell dips by more than it bulges: pressure over the one, not over 0.05 mm."""
+def test_bed_below_a_lost_roll_is_as_soft_as_its_dip(sound: Kept, lost: Kept) -> None:
+    """The shell dips by more than it bulges there: stiffness is pressure over the dip."""
     memory = rolls_of(within(lost, 5)).memory
     low, top = memory["deflection"].min(axis=1), memory["largest"]
     assert np.all(-low > 1.2 * top) and np.all(-low > 60e-6)
@@ -96,7 +96,7 @@ def test_below_a_lost_roll_the_bed_is_as_soft_as_the_dip_is_deep(sound: Kept, lo
     assert plain["stiffness"] == pytest.approx(plain["load"] / PITCH / soft, rel=0.02)
 
 
-def test_rolls_beside_a_lost_one_bear_more_than_half_of_it(sound: Kept, lost: Kept) -> None:
+def test_rolls_near_a_lost_one_take_more_than_half(sound: Kept, lost: Kept) -> None:
     memory = rolls_of(within(lost, 3)).memory
     statics = 1.5 * PITCH * memory["load"] / (2 * PITCH)
     assert np.all(memory["force"] > 1.05 * statics)
@@ -105,7 +105,7 @@ def test_rolls_beside_a_lost_one_bear_more_than_half_of_it(sound: Kept, lost: Ke
 
 
 def steps(kept: Kept) -> dict[int, float]:
-    """What friction has taken as the slice has passed a roll."""
+    """Return the accumulated friction by the number of passed rolls."""
     found = {}
     for sample in kept.samples:
         withdrawal = sample.bending.withdrawal
@@ -113,39 +113,39 @@ def steps(kept: Kept) -> dict[int, float]:
     return found
 
 
-def test_the_resistance_near_a_lost_roll_is_by_the_strip(lost: Kept, sound: Kept) -> None:
-    """A pair resists with the pressure of its length and what the strip adds to it."""
+def test_resistance_near_a_lost_roll_is_by_the_strip(lost: Kept, sound: Kept) -> None:
+    """A pair resists with the pressure over its length and the addition by the strip."""
     added = rolls_of(at(lost, 3)).memory["added"][:, 1].sum()
     assert added > 0.0
     with_strip, plain = steps(lost), steps(run_in_memory(slab(LOST, mechanics__bulging="thesis")))
     more = (with_strip[3] - with_strip[2]) - (plain[3] - plain[2])
     assert 0.6 * 0.3 < more / (FRICTION * added) < 0.4  # by the width of the liquid, m
-    # The single pitch is borne by statics, whichever the model.
+    # The load of a single pitch is by statics, in both models.
     models = steps(sound), steps(run_in_memory(slab(mechanics__bulging="thesis")))
     for k in range(1, max(models[0]) + 1):
         assert models[0][k] == pytest.approx(models[1][k], rel=5e-3)
 
 
-def test_a_roll_that_is_off_reaches_strip_slice_and_effort(sound: Kept, off: Kept) -> None:
+def test_misaligned_roll_changes_strip_slice_and_effort(sound: Kept, off: Kept) -> None:
     beds, memory = rolls_of(at(off, 4)).beds, rolls_of(at(off, 4)).memory
-    # The line of the strand goes 2/3 of the way, the shell the rest.
+    # The line of the strand takes 2/3 of the offset, the shell the rest.
     assert beds["wide_face_intrados"].offset == pytest.approx(4e-3 / 3, rel=0.02)
     assert beds["wide_face_extrados"].offset == pytest.approx(-4e-3 / 3, rel=0.02)
-    # The roll of the extrados is pressed in, that of the intrados is left: it bears nothing.
+    # The roll of the extrados is pressed in, that of the intrados is out of contact: no load.
     intrados, extrados = memory["added"][:, 1]
     load = memory["load"]
     assert extrados > load[1] and intrados == pytest.approx(-load[0], rel=0.02)
-    # A pair resists with what both bear more, over the width of the liquid.
+    # A pair resists with the added load of both, over the width of the liquid.
     plate = run_in_memory(slab(OFF, mechanics__bulging="thesis"))
     taken = [steps(kept)[4] - steps(kept)[3] for kept in (off, plate)]
     assert 0.18 < (taken[0] - taken[1]) / (FRICTION * (intrados + extrados)) < 0.4
-    # Two rolls above it is where it was.
+    # Two rolls above it the position is unchanged.
     for kept in (off, sound):
         assert rolls_of(within(kept, 1)).beds["wide_face_intrados"].offset == 0.0
 
 
-def test_the_creeping_strip_goes_over_a_lost_roll() -> None:
-    """Of a shell that spans it: at the other tests' speed it would bulge by more than 5 %."""
+def test_creeping_strip_passes_a_lost_roll() -> None:
+    """With a shell that spans it: at the speed of the other tests it would bulge by over 5 %."""
     slowly = {"casting__speed": "0.7 m/min", "casting__length": "1.15 m"}
     third = LOST | {"roll": 3}
     creep = run_in_memory(slab(third, mechanics__bulging="creep", **slowly))
@@ -156,15 +156,15 @@ def test_the_creeping_strip_goes_over_a_lost_roll() -> None:
     assert np.all(memory["error"] < 0.1 * memory["largest"])
 
 
-def test_it_resumes_byte_for_byte(tmp_path: Path) -> None:
+def test_run_resumes_byte_for_byte(tmp_path: Path) -> None:
     """Stopped within the pitch of the lost roll."""
     case = slab(LOST, casting__length="1.55 m")
     assert history_of(case, tmp_path / "whole") == history_of(case, tmp_path / "cut", 7)
 
 
 @pytest.mark.mpi
-def test_ranks_find_the_same() -> None:
-    """From above a roll that is off until its pitches are behind: of the strip and of statics."""
+def test_ranks_agree() -> None:
+    """From above a misaligned roll until its pitches are passed: strip and statics."""
     case = slab(OFF | {"roll": 2}, casting__length="1.11 m")
     one, several = (run_in_memory(case, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
     added = [rolls_of(s).memory["added"] for s in one.samples]

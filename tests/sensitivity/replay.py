@@ -1,4 +1,4 @@
-"""Runs on held steps, by which derivatives are held against differences of whole runs."""
+"""Runs on fixed steps, to compare derivatives with differences of runs."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from castfem.studies.sensitivity.followed_run import Derivatives
 from castfem.studies.sensitivity.parameters import Parameter, read_parameters
 from castfem.studies.sensitivity.perturbed_simulation import Varied, vary
 
-EXACT = 1e-12  # K, to which stages are solved where runs are compared
+EXACT = 1e-12  # K, tolerance of stages in compared runs
 QUIET: Mapping[str, Any] = {"output.fields": [], "output.every": "100 s", "reference": []}
 
 
 def bare(changes: Mapping[str, Any] | None = None) -> Case:
-    """The small billet without output, changed."""
+    """Return the small billet without output, changed."""
     return small({**QUIET, **(changes or {})})
 
 
 def built(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Simulation:
-    """A simulation whose stages are solved to rounding."""
+    """Return a simulation whose stages are solved to rounding."""
     simulation = build(case, comm)
     simulation.problem.tolerance = EXACT
     return simulation
@@ -68,7 +68,7 @@ def followed(case: Case, *names: str, comm: MPI.Comm = MPI.COMM_SELF) -> Followe
 
 
 def replayed(run: Followed, number: int, by: float) -> tuple[ThermalState, Varied]:
-    """The same steps with a parameter moved `by`, in its unit: laws of a case of its own."""
+    """Repeat the steps with a parameter moved `by`, in its unit, with the laws of its own case."""
     parameter: Parameter = run.derivatives.variations[number].parameter
     end = varied._varied(run.simulation, parameter, by)
     state, zone, before = starting_state(end.simulation), -1, 0.0
@@ -90,11 +90,11 @@ def replayed(run: Followed, number: int, by: float) -> tuple[ThermalState, Varie
 def differences(
     run: Followed, number: int, by: float, read: Callable[[ThermalState, Varied], Array]
 ) -> Array:
-    """Central difference of what is read off two runs, per unit of the parameter."""
+    """Return the central difference of a reading of two runs, per unit of the parameter."""
     above, below = (read(*replayed(run, number, sign * by)) for sign in (1.0, -1.0))
     return np.asarray((above - below) / (2.0 * by))
 
 
 def enthalpy(state: ThermalState, end: Varied) -> Array:
-    """H of the vertices."""
+    """Return the enthalpy of the vertices."""
     return state.enthalpy

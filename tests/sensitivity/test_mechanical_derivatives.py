@@ -1,4 +1,4 @@
-"""Derivatives of the strained slice: against differences of whole runs, and where all is linear."""
+"""Derivatives of the strained slice, compared with differences of runs and in linear cases."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ CARBON = {
     "steel": {"name": "plain_carbon", "composition": {"C": 0.15}},
     "casting": {"speed": "1 m/min", "length": "10 mm", "superheat": "5 K"},
 }  # fmt: skip
-"""A steel that is delta ferrite as it freezes, and turns to austenite while the run goes on."""
+"""A steel that is delta ferrite as it freezes, and becomes austenite during the run."""
 
 
 @cache
 def strip(law: str = "plastic") -> Case:
-    """The half-space of Weiner and Boley, three windows of it, with another law."""
+    """Return the half-space of Weiner and Boley, three windows of it, with another law."""
     document = castfem.load("verification/weiner_boley_coarse").with_(FREE).document()
     del document["verification"]
     document["mechanics"] |= LAWS[law]
@@ -75,7 +75,7 @@ class Marks:
 
 
 def ended(simulation: Simulation, recorder: Marks | None = None) -> StrandState:
-    """The state at the end of a run whose temperatures are solved to rounding."""
+    """Return the state at the end of a run whose temperatures are solved to rounding."""
     simulation.problem.tolerance = 1e-12
     loop = TimeLoop(simulation, recorder)
     loop.run()
@@ -83,7 +83,7 @@ def ended(simulation: Simulation, recorder: Marks | None = None) -> StrandState:
 
 
 def followed(case: Case, *names: str) -> tuple[StrandState, MechanicalDerivatives]:
-    """The end of a run with its derivatives."""
+    """Return the end of a run with its derivatives."""
     simulation = build(case, MPI.COMM_SELF)
     derivatives = follow(simulation, names)
     state = ended(simulation, Marks(derivatives))
@@ -91,7 +91,7 @@ def followed(case: Case, *names: str) -> tuple[StrandState, MechanicalDerivative
 
 
 def moved(case: Case, parameter: Parameter, by: float) -> StrandState:
-    """The end of a run of its own with a parameter moved, in its unit."""
+    """Return the end of a separate run with a parameter moved, in its unit."""
     value = parameter.value + by
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(building, "case_steel", lambda c: parameter.steel_at(case_steel(c), value))
@@ -100,7 +100,7 @@ def moved(case: Case, parameter: Parameter, by: float) -> StrandState:
     return ended(simulation)
 
 
-ASKED = {
+PARAMETERS = {
     "plastic": ("steel.thermal_expansion", "law.yield_stress"),
     "viscoplastic": ("steel.conductivity",),
     "signed": ("law.strength",),
@@ -109,11 +109,11 @@ ASKED = {
 }
 
 
-@pytest.mark.parametrize("law", ASKED)
-def test_the_slice_has_the_differences_of_runs(law: str) -> None:
-    """Stress, memory, displacement and planes, by law, contraction, heat and pressure."""
-    case, names = strip(law), ASKED[law]
-    share = 1e-4 if law == "creeping" else 1e-5  # its rate does little: more is lost in rounding
+@pytest.mark.parametrize("law", PARAMETERS)
+def test_slice_has_the_differences_of_runs(law: str) -> None:
+    """Stress, memory, displacement and planes; by law, contraction, heat and pressure."""
+    case, names = strip(law), PARAMETERS[law]
+    share = 1e-4 if law == "creeping" else 1e-5  # a weak effect of its rate: more rounding
     _, found = followed(case, *names)
     parameters = read_parameters(case, case_steel(case), names)
     for parameter, slopes in zip(parameters, found.slopes, strict=True):
@@ -127,7 +127,7 @@ def test_the_slice_has_the_differences_of_runs(law: str) -> None:
 
 
 def test_results_of_the_slice() -> None:
-    """The contraction strains the slice and leaves the heat alone."""
+    """The contraction strains the slice and does not change the heat."""
     found = castfem.sensitivities(
         strip(), "steel.thermal_expansion", "axial_strain,von_mises_max,heat_removed"
     ).gradient
@@ -137,7 +137,7 @@ def test_results_of_the_slice() -> None:
     assert found["axial_strain"]["steel.thermal_expansion"] == pytest.approx(strain, rel=1e-6)
 
 
-def test_a_number_of_the_law_has_the_name_that_inputs_of_an_optimum_have() -> None:
+def test_number_of_the_law_has_its_name_in_inputs() -> None:
     case = strip()
     names = "law.yield_stress", "mechanics.law.yield_stress"
     short, long = (castfem.sensitivities(case, name, "axial_strain").gradient for name in names)
@@ -146,11 +146,11 @@ def test_a_number_of_the_law_has_the_name_that_inputs_of_an_optimum_have() -> No
         castfem.sensitivities(case, "mechanics.law.yield_stres")
 
 
-def test_what_is_not_differentiated_is_refused_by_name() -> None:
+def test_unsupported_derivatives_are_refused_by_name() -> None:
     taper = "billet125/taper_1"
     large = castfem.load(taper).with_({"mechanics.strain": "large"})
     zhu = castfem.load(taper).with_({"mechanics.law": "kozlowski_zhu"})
-    for case, name, told in (
+    for case, name, message in (
         ("slab1200/bending", "casting.speed", "machine: bending, rolls and drives are not"),
         (large, "mould.taper", 'mechanics.strain: take strain = "small"'),
         (strip(), "law.yield_stres", "law weiner_boley has yield_stress; did you mean yield"),
@@ -159,7 +159,7 @@ def test_what_is_not_differentiated_is_refused_by_name() -> None:
         (taper, "mould.tapper", r"no number there; did you mean mould.taper\?"),
         ("billet125/thermal", "law.yield_stress", r"the case has no \[mechanics\]"),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=message):
             castfem.sensitivities(case, name)
     with pytest.raises(InputError, match=r"corner; did you mean von_mises_max"):
         castfem.sensitivities(taper, "mould.taper", "von_mises_mx")

@@ -1,4 +1,4 @@
-"""Derivatives of a slice in its mould: closed form of a block, differences of a billet's runs.
+"""Derivatives of a slice in its mould: closed form of a block, differences of billet runs.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -38,7 +38,7 @@ TAPER, MOULD, DEPTH = 5e-4, 0.4, 0.2  # 1/m; length of the mould and of the run,
 
 
 def block(method: str, taper: str = "0.05 %/m") -> Case:
-    """A quarter of a square block, warm and even, pushed into a tapered mould without heat."""
+    """Return a quarter of a square block, uniformly warm, pushed into a tapered mould."""
     return from_document(
         {
             "title": "elastic block in a tapered mould",
@@ -61,11 +61,11 @@ def block(method: str, taper: str = "0.05 %/m") -> Case:
 
 
 @pytest.mark.parametrize("method", ["penalty", "nitsche"])
-def test_a_block_has_the_derivatives_of_its_closed_form(method: str) -> None:
+def test_block_has_the_derivatives_of_its_closed_form(method: str) -> None:
     """Pressure, face and axial strain by the taper (300): w = w0 (1 - t z / (1 + t h)).
 
-    Squeezed alike along x and y, free along z: p = E / (1 - nu) closure / w0, and nu / (1 - nu) of
-    twice the closure along z; the penalty gives way by p over its stiffness.
+    Compressed equally along x and y, free along z: p = E / (1 - nu) closure / w0, and
+    nu / (1 - nu) of twice the closure along z; the penalty yields by p over its stiffness.
     """
     found = castfem.sensitivities(
         block(method), "mould.taper", "contact_pressure_max,displacement_mid_face,axial_strain"
@@ -83,10 +83,10 @@ def test_a_block_has_the_derivatives_of_its_closed_form(method: str) -> None:
     assert not found.kinks
 
 
-def test_the_worst_of_the_way_has_the_derivative_of_where_it_was() -> None:
-    """A mould that opens again behind 100 mm: at its exit pressure and stress are past their worst.
+def test_maximum_has_the_derivative_of_its_place() -> None:
+    """A mould that opens again beyond 100 mm: at its exit pressure and stress have fallen.
 
-    The run is kept in memory, which samples what is asked for on the way and nothing else.
+    The run is kept in memory, which samples only what is requested on the way.
     """
     worst = {
         "mould_pressure_max": "contact_pressure_max", "way_von_mises_max": "von_mises_max",
@@ -94,18 +94,18 @@ def test_the_worst_of_the_way_has_the_derivative_of_where_it_was() -> None:
     opens = [{"to": "100 mm", "taper": "0.05 %/m"}, {"to": "400 mm", "taper": "-0.02 %/m"}]
     case, taper = block("penalty").with_({"mould.taper": opens}), "mould.taper.0.taper"
     found = castfem.sensitivities(case, taper, [*worst, *worst.values()])
-    there = castfem.sensitivities(
+    at_maximum = castfem.sensitivities(
         case.with_({"casting.length": "100 mm"}), taper, list(worst.values())
     )
     for way, here in worst.items():
-        assert found.quantities[way].value == there.quantities[here].value
+        assert found.quantities[way].value == at_maximum.quantities[here].value
         assert found.quantities[way].value > 1.1 * found.quantities[here].value
-        slope = there.gradient[here][taper]
+        slope = at_maximum.gradient[here][taper]
         assert found.gradient[way][taper] == pytest.approx(slope, rel=1e-9), way
 
 
-def test_a_face_that_is_moved_in_time_moves_by_the_speed() -> None:
-    """By 0.1 um/s: after z / v the block is drawn by that, and narrower by nu of it."""
+def test_face_moved_in_time_depends_on_the_speed() -> None:
+    """By 0.1 um/s: after z / v the block is stretched by that, and narrower by nu of it."""
     document = block("penalty").document()
     del document["mould"]
     document["mechanics"]["held"] = [
@@ -123,8 +123,8 @@ def test_a_face_that_is_moved_in_time_moves_by_the_speed() -> None:
     assert slope["axial_strain"] == pytest.approx(-POISSON * drawn / HALF, rel=1e-6)
 
 
-def test_contact_that_is_about_to_change_is_told() -> None:
-    """A mould without taper, whose wall the block just touches: with some it is squeezed."""
+def test_imminent_change_of_contact_is_reported() -> None:
+    """A mould without taper, whose wall the block just touches: with taper it is compressed."""
     case, name = block("penalty", "0 %/m"), "mould.taper=0.1 %/m"
     found = castfem.sensitivities(case, name, "contact_pressure_max")
     assert found.kinks and found.kinks[0].position == pytest.approx(0.1)
@@ -167,19 +167,19 @@ READ = (
 
 @cache
 def billet() -> Case:
-    """Heat follows gap and shape and comes of flow; windows are repeated four times or so."""
+    """Return a billet with heat by gap, shape and flow; windows are repeated about four times."""
     return from_document(BILLET)
 
 
 @cache
 def found() -> Sensitivity:
-    """Its derivatives by the taper."""
+    """Return the derivatives of the billet by the taper."""
     return castfem.sensitivities(billet(), "mould.taper", ",".join(READ))
 
 
 @cache
 def together() -> Sensitivity:
-    """By two parameters that matter less, and the taper behind them."""
+    """Return derivatives by two less important parameters, followed by the taper."""
     names = "casting.superheat", "steel.density", "mould.taper"
     return castfem.sensitivities(billet(), ",".join(names), ",".join(READ))
 
@@ -188,41 +188,41 @@ def short() -> Case:
     return billet().with_({"casting.length": "15 mm"})
 
 
-def results(case: Case, asked: Sequence[str] = READ) -> tuple[RunState, dict[str, float]]:
-    """The end of a plain run, and what is read there."""
+def results(case: Case, columns: Sequence[str] = READ) -> tuple[RunState, dict[str, float]]:
+    """Return the end of a plain run, and its results."""
     simulation = build(case, MPI.COMM_SELF)
     simulation.problem.tolerance = 1e-12
     loop = TimeLoop(simulation)
     sample = loop.run()
     having = {one.named(probe): (one, probe) for one, probe in columns_of(simulation)}
-    read = {name: float(having[name][0].value(sample, having[name][1]) or 0.0) for name in asked}
+    read = {name: float(having[name][0].value(sample, having[name][1]) or 0.0) for name in columns}
     simulation.destroy()
     return loop.run_state, read
 
 
 def check(
-    case: Case, names: list[str], asked: Sequence[str], share: float, *rel: float
+    case: Case, names: list[str], columns: Sequence[str], share: float, *rel: float
 ) -> Sensitivity:
-    """Hold derivatives against differences of runs, a share of each parameter to both sides.
+    """Compare derivatives with differences of runs, a share of each parameter to both sides.
 
-    By little: farther apart points freeze or touch that did not.  `rel` is of each result.
+    The share is small: with larger ones other points freeze or touch. `rel` is for each result.
     """
-    found = castfem.sensitivities(case, names, list(asked))
+    found = castfem.sensitivities(case, names, list(columns))
     for one in read_parameters(case, case_steel(case), names):
         by = share * one.value
-        ends = [results(one.case_at(case, one.value + s * by), asked)[1] for s in (1.0, -1.0)]
-        for result, near in zip(asked, rel, strict=True):
+        ends = [results(one.case_at(case, one.value + s * by), columns)[1] for s in (1.0, -1.0)]
+        for result, near in zip(columns, rel, strict=True):
             known = (ends[0][result] - ends[1][result]) / (2.0 * by)
             slope = found.gradient[result][one.name]
             assert slope == pytest.approx(known, rel=near), (one.name, result)
     return found
 
 
-def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
-    """Contact, friction, gap, repeated windows, shape and heat of flow, all at once.
+def test_billet_in_its_mould_has_the_differences_of_runs() -> None:
+    """Contact, friction, gap, repeated windows, shape and heat of flow together.
 
-    By a ten-thousandth: farther apart points freeze that did not.  The pressure at mid-face is that
-    of the liquid behind it: by 1 %/m it changes by 5e-5 of itself.
+    By a ten-thousandth: with more, other points freeze. The pressure at mid-face is that of the
+    liquid behind it: 1 %/m changes it by 5e-5 of itself.
     """
     case, name = billet(), "mould.taper"
     (parameter,) = read_parameters(case, case_steel(case), [name])
@@ -235,35 +235,35 @@ def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
         assert found().gradient[result][name] == pytest.approx(known, rel=1e-4), result
 
 
-def test_windows_that_are_cut_are_cut_alike_in_runs_beside_this_one() -> None:
-    """Their lengths are from a ladder, and hold still: what is left is what the parameter does."""
+def test_cut_windows_are_cut_equally_in_compared_runs() -> None:
+    """Their lengths are from a ladder, and do not change: only the parameter has an effect."""
     case = billet().with_({"coupling.window_error": "0.1 K"})
     assert check(case, ["mould.taper"], READ, 1e-4, *[1e-3] * len(READ)).cut == 5
 
 
-def test_a_steel_whose_density_changes_keeps_its_mass_in_its_derivatives() -> None:
-    """Of a slice that moves the enthalpy hangs on density at the solidus, and on the pouring."""
+def test_steel_of_variable_density_keeps_its_mass() -> None:
+    """The enthalpy of a moving slice depends on density at the solidus, and on the pouring."""
     steel = {"steel.name": "plain_carbon", "steel.composition": {"C": 0.123, "Mn": 0.6, "Si": 0.2}}
-    asked = ("heat_removed", "axial_strain", "von_mises_max")
+    columns = ("heat_removed", "axial_strain", "von_mises_max")
     names = ["steel.composition.C", "casting.superheat"]
-    check(billet().with_(steel), names, asked, 1e-5, 3e-3, 3e-3, 3e-3)
+    check(billet().with_(steel), names, columns, 1e-5, 3e-3, 3e-3, 3e-3)
 
 
-def test_a_steel_computed_from_its_composition_has_the_differences_of_runs(
+def test_computed_steel_has_the_differences_of_runs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """By a hundred-thousandth: farther apart points freeze and touch that did not."""
+    """By a hundred-thousandth: with more, other points freeze and touch."""
     steel = {"name": "plain_carbon", "composition": {"C": 0.2}, "diagram": "pascon"}
     case = billet().with_({"steel": steel})
-    names, asked = ["steel.density", "steel.composition.C", "steel.thermal_expansion"], READ[:3]
-    slopes = castfem.sensitivities(case, ",".join(names), ",".join(asked)).gradient
+    names, columns = ["steel.density", "steel.composition.C", "steel.thermal_expansion"], READ[:3]
+    slopes = castfem.sensitivities(case, ",".join(names), ",".join(columns)).gradient
     for one in read_parameters(case, case_steel(case), names):
         ends = []
         for value in (one.value * (1.0 + 1e-5), one.value * (1.0 - 1e-5)):
             with monkeypatch.context() as patch:
                 patch.setattr(building, "case_steel", partial(_steel_at, one, value))
-                ends.append(results(one.case_at(case, value), asked)[1])
-        for result in asked:
+                ends.append(results(one.case_at(case, value), columns)[1])
+        for result in columns:
             known = (ends[0][result] - ends[1][result]) / (2e-5 * one.value)
             assert slopes[result][one.name] == pytest.approx(known, rel=5e-6), (one.name, result)
 
@@ -272,18 +272,18 @@ def _steel_at(parameter: Parameter, value: float, case: Case) -> Steel:
     return parameter.steel_at(case_steel(case), value)
 
 
-def test_a_gap_by_the_speed_is_read_where_the_strand_is() -> None:
-    """At the end of the run, not where it would be at the time of the run."""
-    case, name, asked = billet(), "casting.speed", ("gap_corner", "gap_max", "von_mises_max")
-    slopes = castfem.sensitivities(case, name, ",".join(asked)).gradient
+def test_gap_by_the_speed_is_read_at_the_end() -> None:
+    """At the end of the run, not at the time of the run."""
+    case, name, columns = billet(), "casting.speed", ("gap_corner", "gap_max", "von_mises_max")
+    slopes = castfem.sensitivities(case, name, ",".join(columns)).gradient
     (parameter,) = read_parameters(case, case_steel(case), [name])
     ends = []
     for share in (1e-4, -1e-4):
-        window = f"{0.25 / (1.0 + share)!r} s"  # on the same places of the strand
+        window = f"{0.25 / (1.0 + share)!r} s"  # at the same places of the strand
         held = {"coupling.interval": window, "thermal.time.step": window}
         moved = parameter.case_at(case, parameter.value * (1.0 + share))
-        ends.append(results(moved.with_(held), asked)[1])
-    for result in asked:
+        ends.append(results(moved.with_(held), columns)[1])
+    for result in columns:
         known = (ends[0][result] - ends[1][result]) / (2e-4 * parameter.value)
         assert slopes[result][name] == pytest.approx(known, rel=1e-3), result
 
@@ -299,22 +299,22 @@ def test_a_gap_by_the_speed_is_read_where_the_strand_is() -> None:
         ),
     ],
 )  # fmt: skip
-def test_a_mould_that_closes_fast_or_stands_off(
+def test_fast_closing_or_distant_mould(
     changes: dict[str, str], name: str, share: float, near: tuple[float, ...]
 ) -> None:
-    """Corners leave while faces are pushed in; a wall that nothing touches as the strand begins.
+    """Corners leave while faces are pushed in; nothing touches the wall when the strand begins.
 
-    Heat leaves a sharp corner through two gaps. Where the wall stands off, stress is that of the
+    Heat leaves a sharp corner through two gaps. With a distant wall the stress is that of the
     liquid and hardly depends on the wall.
     """
-    asked = ("heat_removed", "von_mises_max", "displacement_mid_face")
-    check(billet().with_(changes), [name], asked, share, *near)
+    columns = ("heat_removed", "von_mises_max", "displacement_mid_face")
+    check(billet().with_(changes), [name], columns, share, *near)
 
 
-def test_the_pressure_of_deep_liquid_goes_with_the_density() -> None:
-    """That in the cells left out, too: what it does in a run is not what it does beside it.
+def test_pressure_of_deep_liquid_depends_on_the_density() -> None:
+    """Also in omitted cells, whose effect in a run differs from that in compared runs.
 
-    By a hundred-thousandth: farther apart points freeze that did not.
+    By a hundred-thousandth: with more, other points freeze.
     """
     case, names, by = billet(), ("axial_strain", "von_mises_max"), 1e-5
     (density,) = {float(case_steel(case).density(t)) for t in (1000.0, 1900.0)}
@@ -328,19 +328,19 @@ def test_the_pressure_of_deep_liquid_goes_with_the_density() -> None:
         assert gradient[name]["steel.density"] == pytest.approx(known, rel=1e-4), name
 
 
-def test_parameters_at_once_are_as_each_alone() -> None:
-    """The taper behind two that matter less: each has its own right-hand side and scalars."""
+def test_simultaneous_parameters_are_independent() -> None:
+    """The taper after two less important ones: each has its own right-hand side and scalars."""
     for result in READ:
-        alone = found().gradient[result]["mould.taper"]
-        assert together().gradient[result]["mould.taper"] == pytest.approx(alone, rel=1e-5), (
+        single = found().gradient[result]["mould.taper"]
+        assert together().gradient[result]["mould.taper"] == pytest.approx(single, rel=1e-5), (
             result
-        )  # as solved for
+        )  # to the tolerance of the solver
 
 
-def test_a_weak_parameter_stands_beside_what_newton_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a run leaves out of balance is no change of its parameter.
+def test_weak_parameter_is_separated_from_the_residual(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The remaining imbalance of a run is no change by its parameter.
 
-    Differences a thousand times narrower, which are less than what a loose tolerance leaves.
+    The differences are a thousand times smaller, below the imbalance of a loose tolerance.
     """
     names = ["von_mises_max", "axial_strain", "heat_removed"]
     known = together().gradient
@@ -352,12 +352,12 @@ def test_a_weak_parameter_stands_beside_what_newton_left(monkeypatch: pytest.Mon
         assert weak[name]["casting.superheat"] == pytest.approx(slope, rel=1e-4), name
 
 
-def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(
+def test_resumed_billet_has_the_same_derivatives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """To the last digit: contact, open gap, shape and heat of flow go on as they stood.
+    """To the last digit: contact, open gap, shape and heat of flow continue unchanged.
 
-    A checkpoint of before a step began with its rates is refused.
+    A checkpoint of the time before steps began with their rates is refused.
     """
     opening = billet().with_({"mould.taper": "-5 %/m"})
     found = castfem.sensitivities(opening, "mould.taper", ",".join(READ))
@@ -382,7 +382,7 @@ def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(
     assert again.kinks == found.kinks
 
 
-def test_a_followed_billet_is_the_plain_one_bit_by_bit() -> None:
+def test_followed_billet_is_the_plain_one_bit_by_bit() -> None:
     simulation = build(short(), MPI.COMM_SELF)
     marks = Marks(follow(simulation, ["mould.taper"]))
     loops = TimeLoop(simulation, marks), TimeLoop(build(short(), MPI.COMM_SELF))
@@ -394,7 +394,7 @@ def test_a_followed_billet_is_the_plain_one_bit_by_bit() -> None:
 
 
 @pytest.mark.mpi
-def test_many_ranks_give_what_one_gives() -> None:
+def test_ranks_agree() -> None:
     names = "heat_removed,axial_strain,von_mises_max"
     one, many = (
         castfem.sensitivities(short(), "mould.taper", names, comm=comm).gradient

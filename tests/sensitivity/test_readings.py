@@ -1,4 +1,4 @@
-"""Derivatives of results, as the command and scripts give them, and the error of their scatter."""
+"""Derivatives of results, as given by the command and scripts, and the error of their scatter."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STEADY = {
 }  # fmt: skip
 
 
-def test_a_steady_wall_has_the_derivatives_of_its_resistances() -> None:
+def test_steady_wall_has_the_derivatives_of_its_resistances() -> None:
     """Q = (T - Ta) / (1/h + l/k), after an hour; k by a per cent, h by its unit."""
     found = castfem.sensitivities(
         from_document(STEADY),
@@ -90,20 +90,20 @@ ALLOY = {
 
 
 def exact_slopes(key: str, by: float) -> tuple[float, float]:
-    """Derivatives of heat removed (J/m2) and depth of the solidus (m) of the closed form."""
+    """Return derivatives of the closed form: heat removed (J/m2) and depth of the solidus (m)."""
     ends = [ThreeZones(**{**ALLOY, key: ALLOY[key] + sign * by}) for sign in (1.0, -1.0)]
     heat, depth = (e.heat(60.0) for e in ends), (e.depths(60.0)[0] for e in ends)
     return tuple((above - below) / (2.0 * by) for above, below in (heat, depth))  # type: ignore
 
 
-def test_an_alloy_freezes_with_the_derivatives_of_its_similarity_solution() -> None:
-    """By latent heat, solidus and conductivity; its front goes by steps of 1.2 mm in 21 mm.
+def test_alloy_has_the_derivatives_of_its_similarity() -> None:
+    """By latent heat, solidus and conductivity; its front moves in steps of 1.2 mm in 21 mm.
 
-    The derivative of the depth on the mesh is that of a tread or a riser, 25 % off; evened out it
-    is told with its error.
+    The derivative of the depth on the mesh is that of a tread or a riser, 25 % off; it is
+    smoothed and stated with its error.
     """
     names = {"latent_heat": 1e3, "solidus": 1.0, "conductivity": 0.3}  # SI of their units
-    spreads = {"latent_heat": 30.0, "solidus": 10.0, "conductivity": 10.0}  # as asked below
+    spreads = {"latent_heat": 30.0, "solidus": 10.0, "conductivity": 10.0}  # as requested below
     case = castfem.load("verification/alloy_similarity").with_(SIMILARITY)
     found = castfem.sensitivities(
         case,
@@ -119,7 +119,7 @@ def test_an_alloy_freezes_with_the_derivatives_of_its_similarity_solution() -> N
         slope = 1e3 * unit * depth
         assert row.value == pytest.approx(slope, rel=0.08)
         assert abs(row.value - slope) < row.error
-        # The error is twice the standard error, and a sixth of a cell over the spread beside it.
+        # The error combines twice the standard error and a sixth of a cell over the spread.
         stairs = 1.2 / 6.0 / spreads[name]
         standard = 0.5 * np.sqrt(row.error**2 - stairs**2)
         assert standard < 0.4 * abs(slope)
@@ -131,7 +131,7 @@ READ = "shell_corner,surface_temperature_mid_face,heat_flux_mid_face,heat_flux_c
 
 
 def test_results_have_the_differences_of_runs() -> None:
-    """Read off runs on the same steps, each with its own steel, speed and times."""
+    """Compared with runs on the same steps, each with its own steel, speed and times."""
     from castfem.physics.coupling.staggered import StrandState
     from castfem.runs.results.thermal import Sampler
     from castfem.studies.sensitivity.perturbed_simulation import Varied
@@ -139,26 +139,28 @@ def test_results_have_the_differences_of_runs() -> None:
 
     case = bare({"casting.length": "60 mm", "thermal.time.step": "0.1 s"})
     run = followed(case, "casting.speed", "steel.solidus", "casting.superheat")
-    asked = asked_quantities(run.simulation, [READ])
+    quantities = asked_quantities(run.simulation, [READ])
     sample = run.loop.run_state.sample
     assert sample is not None
-    _, slopes = Readings(run.simulation, run.derivatives, asked).read(sample)
+    _, slopes = Readings(run.simulation, run.derivatives, quantities).read(sample)
 
     def read(state: ThermalState, end: Varied) -> Array:
         end.enter(0)
         sampler = Sampler(end.simulation)
         its = sampler.read(StrandState(state, None, np.zeros(0)), None)
-        return np.array([one.value(its, probe) for one, probe in asked.values()])
+        return np.array([one.value(its, probe) for one, probe in quantities.values()])
 
     for number, by in enumerate((3e-4, 0.01, 0.01)):
         known = differences(run, number, by, read)
-        mine = [one.of_mesh for one in slopes[number * len(asked) : (number + 1) * len(asked)]]
-        # Stages are solved to 1e-7 of their heat here, quotients are right to some 1e-5.
+        mine = [
+            one.of_mesh for one in slopes[number * len(quantities) : (number + 1) * len(quantities)]
+        ]
+        # Stages are solved to 1e-7 of their heat here, quotients are right to about 1e-5.
         assert mine == pytest.approx(known, rel=2e-4, abs=1e-9 * np.abs(known).max())
 
 
 def test_end_of_the_pool_by_speed_and_heat_transfer() -> None:
-    """A strip that freezes through: followed over all steps, read where it has passed."""
+    """A strip that freezes through: followed over all steps, evaluated at the end of its pool."""
     changes = {
         "section": {"shape": "strip", "length": "8 mm", "width": "2 mm"},
         "mesh": {"surface_size": "2 mm", "core_size": "2 mm"},
@@ -181,7 +183,7 @@ def test_end_of_the_pool_by_speed_and_heat_transfer() -> None:
     assert mine == pytest.approx(slopes, rel=1e-4)
 
 
-def test_a_run_that_is_taken_up_again_ends_with_the_same_derivatives(tmp_path: Path) -> None:
+def test_resumed_run_has_the_same_derivatives(tmp_path: Path) -> None:
     names, results = (
         "casting.speed,steel.conductivity",
         "heat_removed,shell_mid_face,mould_mean_flux",
@@ -222,14 +224,14 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("name", "text"), WRONG)
-def test_what_is_no_parameter_is_refused_by_name(name: str, text: str) -> None:
+def test_invalid_parameter_is_refused_by_name(name: str, text: str) -> None:
     case = bare()
     with pytest.raises(InputError, match=text):
         read_parameters(case, case_steel(case), [name])
 
 
-def test_a_parameter_is_in_the_unit_of_the_resolved_case() -> None:
-    """Whatever was written: by that unit the derivatives go."""
+def test_parameter_is_in_the_unit_of_the_resolved_case() -> None:
+    """With any unit in the input, derivatives are per unit of the resolved case."""
     case = castfem.load("billet125/taper_1").with_(
         **{
             "casting.speed": "60 mm/s",
@@ -241,7 +243,7 @@ def test_a_parameter_is_in_the_unit_of_the_resolved_case() -> None:
     assert [(one.value, one.unit) for one in found] == [(3.6, "m/min"), (0.02, "MPa")]
 
 
-def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> None:
+def test_missing_or_ambiguous_numbers_are_refused() -> None:
     strip = castfem.load("verification/neumann")
     with pytest.raises(InputError, match=r"steel.emissivity: neumann_steel has none"):
         read_parameters(strip, case_steel(strip), ["steel.emissivity"])
@@ -259,13 +261,13 @@ def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> Non
         read_parameters(billet, case_steel(billet), ["cooling.foot spray.absorption"])
 
 
-def test_what_is_no_result_is_refused_by_name() -> None:
-    for case, name, told in (
+def test_invalid_result_is_refused_by_name() -> None:
+    for case, name, message in (
         (bare(), "heat_removd", "is not a result.*did you mean heat_rem"),
         (bare(), "newton", "it describes steps or cells, which are held fixed"),
         (bare({"quality": {}}), "centre_solid_fraction", "crack indexes and soft red"),
     ):
-        with pytest.raises(InputError, match=f"--of {name}: {told}"):
+        with pytest.raises(InputError, match=f"--of {name}: {message}"):
             castfem.sensitivities(case, "casting.speed", name)
     with pytest.raises(InputError) as both:
         castfem.sensitivities("billet125/taper_1", "mould.taper", "contact_share,newton_mechanics")
@@ -275,14 +277,14 @@ def test_what_is_no_result_is_refused_by_name() -> None:
     assert other.startswith("--of newton_mechanics: it describes steps or cells")
 
 
-def test_runs_with_parts_that_are_not_differentiated_are_refused() -> None:
+def test_unsupported_parts_of_a_run_are_refused() -> None:
     for name in ("casting.length", "cooling.mould.to"):
         with pytest.raises(InputError, match=rf"{name}: .* at the end of the run"):
             castfem.sensitivities("billet125/thermal", name)
 
 
-def test_a_place_that_two_changes_share_is_refused() -> None:
-    """A zone that begins at a station: the one moves, the other does not."""
+def test_place_shared_by_two_changes_is_refused() -> None:
+    """A zone that begins at a station: one of them moves, the other does not."""
     case = castfem.load("billet125/thermal").with_({"casting.length": "1 m"})
     with pytest.raises(InputError, match="one of two changes that meet 600 mm below the meniscus"):
         castfem.sensitivities(case, "cooling.mould.to")
@@ -299,14 +301,14 @@ def readings_at(depths: np.ndarray, slopes: np.ndarray, zone: int = 0) -> Scatte
     return found
 
 
-def test_a_smooth_derivative_has_none() -> None:
+def test_smooth_derivative_has_no_scatter() -> None:
     depth = np.linspace(0.0, 20e-3, 400)
     smooth = 3.0 + 200.0 * depth - 4e4 * depth**2
     assert readings_at(depth, smooth[:, None]).errors(1) == pytest.approx([0.0], abs=1e-9)
 
 
 def test_steps_from_cell_to_cell_have_their_rms() -> None:
-    """A wave of amplitude a whose length is a cell: a/sqrt(2)."""
+    """A wave of amplitude a with the length of a cell: a/sqrt(2)."""
     depth = np.linspace(0.0, 20e-3, 2000)
     waves = np.stack([0.5 * np.sin(2.0 * np.pi * depth / (7.0 * FRONTS.apart * CELL))] * 2, axis=1)
     errors = readings_at(depth, waves * [1.0, 10.0]).errors(2)
@@ -315,7 +317,7 @@ def test_steps_from_cell_to_cell_have_their_rms() -> None:
     )
 
 
-def test_readings_are_a_part_of_a_cell_apart_and_of_one_zone() -> None:
+def test_readings_are_within_a_cell_and_of_one_zone() -> None:
     depth = np.linspace(0.0, 30e-3, 3001)
     found = readings_at(depth, depth[:, None])
     steps = np.diff([row[0] for row in found.rows])
@@ -324,7 +326,7 @@ def test_readings_are_a_part_of_a_cell_apart_and_of_one_zone() -> None:
     assert found.due(1, depth[-1], CELL) and found.rows == []
 
 
-def test_with_few_readings_or_without_a_front_it_is_not_known() -> None:
+def test_few_readings_or_no_front_have_no_scatter() -> None:
     depth = np.linspace(0.0, (FRONTS.fewest - 1.5) * FRONTS.apart * CELL, 200)
     assert np.isnan(readings_at(depth, depth[:, None]).errors(1)).all()
     assert not Scatter().due(0, 0.0, np.nan)

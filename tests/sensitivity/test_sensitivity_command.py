@@ -52,7 +52,7 @@ def test_table_files_and_figure(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [[], ["--to", "casting.nothing"]])
-def test_bad_input_is_answered_in_a_line(tmp_path: Path, words: list[str]) -> None:
+def test_invalid_input_is_reported_in_a_line(tmp_path: Path, words: list[str]) -> None:
     done = CliRunner().invoke(app, ["sensitivity", str(write_small(tmp_path)), *words])
     assert done.exit_code != 0
 
@@ -78,7 +78,7 @@ FOUND = Sensitivity(
 )
 
 
-def test_units_that_were_chosen() -> None:
+def test_chosen_units_are_used() -> None:
     def rows() -> list[tuple[float, str, float, str, float]]:
         shown = [ShownRow.of(row) for row in FOUND.rows()]
         return [(r.at, r.at_unit, r.value, r.unit, r.spread) for r in shown]
@@ -112,7 +112,7 @@ def test_units_that_were_chosen() -> None:
     )
 
 
-def test_a_strained_slice_that_freezes_is_said_to_answer_in_steps() -> None:
+def test_freezing_slice_is_reported_to_change_in_steps() -> None:
     assert not any("cell by cell" in line for line in remarks(FOUND))
     taper = Parameter("mould.taper", "mould.taper", 1.0, "%/m", 0.1, step=1e-4)
     strength = Parameter("law.strength", "", 100.0, "percent", 1.0, law="strength", step=1e-3)
@@ -123,19 +123,19 @@ def test_a_strained_slice_that_freezes_is_said_to_answer_in_steps() -> None:
     assert line.startswith("by casting.speed, cooling.mould.wall, steel.conductivity: the shell")
 
 
-def test_windows_that_were_cut_for_their_error_are_told() -> None:
-    """Where runs cut others, their results jump, which no derivative shows."""
+def test_windows_cut_for_their_error_are_reported() -> None:
+    """If compared runs cut others, their results jump, which no derivative shows."""
     assert not any("were cut" in line for line in remarks(FOUND))
     (line,) = (one for one in remarks(replace(FOUND, windows=23, cut=3)) if "were cut" in one)
     assert line.startswith("coupling windows were cut for their error 3 times on the way to 23")
 
 
 @pytest.mark.parametrize(
-    ("slope", "said"),
+    ("slope", "message"),
     [(0.0, "depends on none of them"), (math.nan, "no derivative of it is known")],
 )
-def test_a_result_without_bars_has_no_axes(
-    tmp_path: Path, monkeypatch: Any, slope: float, said: str
+def test_result_without_bars_has_no_axes(
+    tmp_path: Path, monkeypatch: Any, slope: float, message: str
 ) -> None:
     kept: list[Figure] = []
     monkeypatch.setattr("castfem.post.plots.studies.save", lambda figure, path: kept.append(figure))
@@ -145,7 +145,7 @@ def test_a_result_without_bars_has_no_axes(
     surface, shell = kept[0].axes
     assert surface.axison and not surface.texts
     assert not shell.axison and not shell.patches
-    assert shell.texts[0].get_text() == f"shell, mid-face\n{said}"
+    assert shell.texts[0].get_text() == f"shell, mid-face\n{message}"
 
 
 def test_units_of_the_case_and_of_the_command(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_units_of_the_case_and_of_the_command(tmp_path: Path) -> None:
 
 
 def test_accuracy_is_that_of_the_run(tmp_path: Path) -> None:
-    """As the other commands take it; that it is coarser shows in the cells of the run."""
+    """As in the other commands; the cells of the run are coarser."""
     path = write_small(tmp_path)
     words = ["sensitivity", str(path), "--of", "heat_removed", "--to", "casting.speed"]
     words += ["--set", "length=3 mm", "--no-figures"]
@@ -170,7 +170,7 @@ def test_accuracy_is_that_of_the_run(tmp_path: Path) -> None:
     assert heat["coarse"] != heat["default"] == pytest.approx(heat["coarse"], rel=0.2)
 
 
-def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) -> None:
+def test_figure_has_the_chosen_units(tmp_path: Path, monkeypatch: Any) -> None:
     kept: list[Figure] = []
 
     def keep(figure: Figure, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Derivatives of solidification beside its closed forms: Neumann, and Weiner and Boley."""
+"""Derivatives of solidification compared with closed forms: Neumann, and Weiner and Boley."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ COARSE = {
     "thermal.time.step": "0.25 s", "coupling.interval": "0.25 s",
 }  # fmt: skip
 SLOPES = {"steel.thermal_expansion": ("alpha", ALPHA), "law.yield_stress": ("yield_stress", YIELD)}
-BEGUN = 0.25  # of the time: from there on strains are compared; before, it is a cell or two
+BEGUN = 0.25  # of the time: strains are compared from there on; before, one or two cells freeze
 
 
 @dataclass(slots=True)
 class StrainSlopes(Marks):
-    """Notes the derivatives of the axial strain after each window."""
+    """Recorder of the derivatives of the axial strain after each window."""
 
     noted: list[tuple[float, list[float]]] = field(default_factory=list)
 
@@ -56,7 +56,7 @@ class StrainSlopes(Marks):
 
 
 def moment(form: HalfSpace, time: float) -> float:
-    """Moment of the stress about the surface, N m per m2 of its height."""
+    """Return the moment of the stress about the surface, N m per m2 of its height."""
     size = 2.0 * np.sqrt(form.diffusivity * time)
     ends = (0.0, form.compressed, form.stretched, form.front)
 
@@ -67,11 +67,11 @@ def moment(form: HalfSpace, time: float) -> float:
     return float(size**2 * sum(parts))
 
 
-def test_a_half_space_has_the_derivatives_of_weiner_and_boley() -> None:
+def test_half_space_has_the_derivatives_of_weiner_and_boley() -> None:
     """Axial strain and moment of the stress by contraction and yield stress, at 5 s.
 
-    Fifteen cells are frozen then, three of them elastic.  A depth of the closed form is that of a
-    tread or riser on them: what is compared are sums over the shell, and the strain of a while.
+    Fifteen cells are frozen then, three of them elastic. A depth of the closed form is that of a
+    tread or riser on them: sums over the shell and the strain over a time are compared.
     """
     document = castfem.load("verification/weiner_boley_coarse").with_(COARSE).document()
     del document["verification"]
@@ -85,7 +85,7 @@ def test_a_half_space_has_the_derivatives_of_weiner_and_boley() -> None:
     )
     times, noted = np.array([t for t, _ in marks.noted]), np.array([s for _, s in marks.noted])
     end, later = times[-1], times > BEGUN * times[-1]
-    # The strain of the closed form goes with log t: cell by cell it does so in steps.
+    # The strain of the closed form is proportional to log t: on cells it changes in steps.
     rates = np.polyfit(np.log(times[later]), noted[later], 1)[0]
     lever = points.deviator.volume * points.deviator.position[:, 0] / 0.5e-3
     for number, (name, (key, value)) in enumerate(SLOPES.items()):
@@ -106,11 +106,11 @@ MELT = {
 NUMBERS = (33.0, 7500.0, 661.0, 272e3, 1273.15, 1767.55, 1823.15)
 
 
-def test_a_melt_has_the_derivatives_of_neumann() -> None:
+def test_melt_has_the_derivatives_of_neumann() -> None:
     """Heat by latent heat and conductivity, and so the front, which that heat has frozen.
 
-    On the mesh the front stands at a vertex: its own derivative is 0 or without bounds, and none is
-    told.  Heat of 21 s through cells of 1.2 mm, twelve of which freeze.
+    On the mesh the front is at a vertex: its own derivative is 0 or unbounded, and not stated. Heat
+    of 21 s through cells of 1.2 mm, twelve of which freeze.
     """
     case = castfem.load("verification/neumann").with_(MELT)
     names = {"steel.latent_heat": (3, 1e3), "steel.conductivity": (0, 0.01 * NUMBERS[0])}
@@ -128,11 +128,11 @@ def test_a_melt_has_the_derivatives_of_neumann() -> None:
         assert found.gradient["heat_removed"][name] == pytest.approx(exact, rel=1e-2), name
 
 
-# What derivatives leave out of the evaluation of laws: differences laid once, laws that stay
+# Laws that derivatives do not evaluate again: stored differences, unchanged laws
 
 
 def _curve(solidus: float, slope: float = 0.0, jump: float = 0.0) -> ThermalCurve:
-    """A steel that freezes from 1780 K on, and isothermally there by `jump` (J/m3)."""
+    """Return a steel that freezes from 1780 K, and there isothermally by `jump` (J/m3)."""
     knots = np.array([300.0, solidus, 1780.0, 1900.0])
     capacity, latent = np.array([4e6, 5e6, 6e6]), np.array([0.0, 3e7, 0.0])
     jumps, k = np.array([0.0, 0.0, jump, 0.0]), np.array([30.0, 32.0, 35.0])
@@ -142,7 +142,7 @@ def _curve(solidus: float, slope: float = 0.0, jump: float = 0.0) -> ThermalCurv
 
 @pytest.mark.parametrize("slope", [0.0, 0.1])
 @pytest.mark.parametrize("jump", [0.0, 2e9])
-def test_a_difference_of_curves_is_that_of_their_values(slope: float, jump: float) -> None:
+def test_difference_of_curves_is_that_of_their_values(slope: float, jump: float) -> None:
     above, below = _curve(1740.01, slope, jump), _curve(1739.99, slope, jump * 1.00001)
     ends = above.enthalpy(250.0), above.enthalpy(2000.0)
     met = [curve.enthalpy(curve.knots, side) for curve in (above, below) for side in ("left",)]
@@ -161,7 +161,7 @@ def _cooling(law: SurfaceLaw, dofs: int = 4) -> Cooling:
     return Cooling([(Patch(np.arange(dofs), np.ones(dofs)), law)], [])
 
 
-def test_laws_that_stay_are_told_from_those_that_change() -> None:
+def test_unchanged_laws_are_distinguished_from_changed_ones() -> None:
     beside = (Convection(100.0, 400.0),)
     one = Contact(1600.0, 430.0, 0.15, gap=np.zeros(4), beside=beside)
     same = Contact(1600.0, 430.0, 0.15, gap=np.zeros(4), beside=(Convection(100.0, 400.0),))
@@ -179,7 +179,7 @@ def test_laws_that_stay_are_told_from_those_that_change() -> None:
     assert not same_laws(_cooling(one), Cooling([], []))
 
 
-def test_a_slope_beside_a_jump_or_a_kink_is_that_of_the_side_that_changes_less() -> None:
+def test_slope_at_a_jump_or_kink_is_that_of_one_side() -> None:
     def jumps(t: Array) -> Array:
         return np.where(t > 1000.0, 1e9, 0.0) + 3.0 * t
 
@@ -193,8 +193,8 @@ def test_a_slope_beside_a_jump_or_a_kink_is_that_of_the_side_that_changes_less()
     assert smooth == pytest.approx([2.0])  # it bends, and has no kink there
 
 
-def test_what_bends_within_a_kelvin_has_its_slope_where_it_begins_to() -> None:
-    """As the weight of delta ferrite does, whose blend is narrow: that is no kink."""
+def test_narrow_blend_has_its_slope_at_its_begin() -> None:
+    """Like the weight of delta ferrite, whose blend is narrow: that is no kink."""
 
     def blended(t: Array) -> Array:
         x = np.clip((t - 1700.0) / 3.0, 0.0, 1.0)
@@ -206,11 +206,11 @@ def test_what_bends_within_a_kelvin_has_its_slope_where_it_begins_to() -> None:
         assert found == pytest.approx(2.0 * x * (1.0 - x), rel=1e-5), x
 
 
-# What the shape gives the heat balance, against differences of what is assembled
+# Effect of the shape on the heat balance, compared with differences of assembled forms
 
 
 @pytest.mark.parametrize("what", ["volume", "perimeter"])
-def test_a_form_changes_as_the_slice_moves(what: str) -> None:
+def test_form_changes_with_the_motion_of_the_slice(what: str) -> None:
     """By displacement and by two generalized strains, both motions at once."""
     simulation = build(short(), MPI.COMM_SELF)
     section, shape = simulation.section, simulation.problem.shape

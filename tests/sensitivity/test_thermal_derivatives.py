@@ -1,4 +1,4 @@
-"""Derivatives of the temperatures: against differences of runs on held steps, part by part."""
+"""Derivatives of the temperatures, compared with differences of runs on fixed steps."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ LONG = {
 
 
 def off(run: Followed, number: int, share: float) -> float:
-    """Largest difference between derivative and difference quotient, over the derivative."""
+    """Return the largest difference of derivative and difference quotient, over the derivative."""
     parameter = run.derivatives.variations[number].parameter
     by = share * (10.0 if parameter.unit in ("degC", "K") else abs(parameter.value))
     found, known = differences(run, number, by, enthalpy), run.derivatives.thermal.enthalpy[number]
@@ -87,7 +87,7 @@ def off(run: Followed, number: int, share: float) -> float:
 
 
 def check(changes: Mapping[str, Any], names: tuple[str, ...]) -> Followed:
-    """Hold each derivative against difference quotients, whose error must fall as its square."""
+    """Compare each derivative with difference quotients, whose error must fall as its square."""
     run = followed(bare(changes), *names)
     for number, name in enumerate(names):
         coarse, fine = off(run, number, 1e-3), off(run, number, 1e-4)
@@ -102,12 +102,12 @@ def test_mould_steel_and_casting() -> None:
     assert run.derivatives.thermal.removed[0] == pytest.approx(lost[0], rel=1e-12)
 
 
-def test_sprays_radiation_tables_and_the_places_of_zones() -> None:
+def test_sprays_radiation_tables_and_positions_of_zones() -> None:
     check(SPRAYED, BELOW)
 
 
-def test_a_steel_whose_solidus_follows_from_its_carbon_until_it_is_named() -> None:
-    """On one side the conductivity bends where the heat capacity does, on the other beside it."""
+def test_solidus_computed_from_carbon_until_it_is_named() -> None:
+    """On one side the conductivity bends with the heat capacity, on the other near it."""
     steel = {"steel.name": "plain_carbon_linear", "steel.composition": {"C": 0.25}}
     check({**steel, "casting.length": "40 mm"}, ("steel.solidus", "steel.liquidus"))
 
@@ -117,21 +117,21 @@ def test_given_temperatures_by_backward_euler() -> None:
     assert {stages for _, stages in run.ends} == {1}
 
 
-def test_isothermal_freezing_where_temperatures_stand_still() -> None:
-    """Vertices that freeze: their temperature has no derivative, their enthalpy has."""
+def test_isothermal_freezing_at_constant_temperature() -> None:
+    """Temperatures of freezing vertices have no derivative, their enthalpies have."""
     names = ("cooling.mould.coefficient", "casting.superheat", "steel.conductivity")
     melt = {"steel.name": "neumann_steel", "casting.superheat": "5 K", "casting.length": "30 mm"}
     run = check(melt, names)
     assert np.any(run.state.point.temperature_slope == 0.0)
 
 
-def test_damped_steps_are_differentiated_as_they_are_taken() -> None:
+def test_damped_steps_are_differentiated_as_taken() -> None:
     run = check(LONG, ("cooling.mould.coefficient", "casting.superheat", "casting.speed"))
     assert {stages for _, stages in run.ends} == {2, 4}
 
 
-def test_heat_removed_is_what_runs_remove() -> None:
-    """The heat through the surface, which the derivative takes from the enthalpies."""
+def test_heat_removed_is_that_of_the_runs() -> None:
+    """The heat through the surface, which the derivative computes from the enthalpies."""
     run = followed(bare(SPRAYED), "cooling.foot.water", "casting.speed")
     for number, by in enumerate((0.01, 1e-3)):
         above, below = (replayed(run, number, sign * by)[0].removed for sign in (1.0, -1.0))
@@ -139,16 +139,16 @@ def test_heat_removed_is_what_runs_remove() -> None:
         assert run.derivatives.thermal.removed[number] == pytest.approx(slope, rel=1e-6)
 
 
-def test_errors_fall_as_a_v() -> None:
-    """Truncation falls as the square of the step, rounding grows as it is divided."""
+def test_errors_have_a_minimum() -> None:
+    """Truncation falls as the square of the step, and rounding grows with its inverse."""
     run = followed(bare({"casting.length": "15 mm"}), "steel.conductivity")
     errors = [off(run, 0, share) for share in (4e-3, 4e-4, 4e-5, 4e-11)]
     assert errors[0] / errors[1] == pytest.approx(100.0, rel=0.05)
     assert errors[2] < 1e-8 < errors[3]
 
 
-def test_a_step_that_is_taken_again_begins_with_what_was_marked() -> None:
-    """A coupling window that fails is cut back: its temperatures begin anew."""
+def test_repeated_step_begins_with_the_marked_state() -> None:
+    """A failed coupling window is cut back: its temperatures begin again."""
     simulation = built(bare())
     slopes, state = follow(simulation, ["casting.superheat"]).thermal, starting_state(simulation)
     simulation.problem.set_cooling(simulation.zones.cooling(0))
@@ -161,14 +161,14 @@ def test_a_step_that_is_taken_again_begins_with_what_was_marked() -> None:
 
 
 @pytest.mark.mpi
-def test_many_ranks_give_what_one_gives() -> None:
+def test_ranks_agree() -> None:
     case, names = bare({"casting.length": "15 mm"}), MOULD[2:6]
-    alone, together = followed(case, *names), followed(case, *names, comm=MPI.COMM_WORLD)
+    single, together = followed(case, *names), followed(case, *names, comm=MPI.COMM_WORLD)
     assert together.derivatives.thermal.removed == pytest.approx(
-        alone.derivatives.thermal.removed, rel=1e-8
+        single.derivatives.thermal.removed, rel=1e-8
     )
     for number in range(len(names)):
-        one = alone.simulation.section.gather(alone.derivatives.thermal.enthalpy[number])
+        one = single.simulation.section.gather(single.derivatives.thermal.enthalpy[number])
         many = together.simulation.section.gather(together.derivatives.thermal.enthalpy[number])
         if MPI.COMM_WORLD.rank == 0:
             assert one is not None and many is not None

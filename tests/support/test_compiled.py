@@ -1,4 +1,4 @@
-"""What is compiled is kept on disk and renewed; a lock keeps two apart, where there are locks."""
+"""Compiled code is kept on disk and renewed; a lock keeps two processes apart, if supported."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ FILES = {
 
 @pytest.fixture
 def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package with an outermost function that is compiled with two others and a constant."""
+    """Return a package with an outermost function compiled with two others and a constant."""
     folder = tmp_path / "toy"
     folder.mkdir()
     for name, text in {"__init__.py": "", **FILES}.items():
@@ -50,12 +50,12 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         os.utime(folder / name, (1e9, 1e9))
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr("castfem.base.compiled.cache_folder", lambda: folder)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # which would be found stale by the time
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # it would be stale by its time
     return folder
 
 
-def anew() -> Any:
-    """The outermost function as a new process would import it."""
+def reimported() -> Any:
+    """Return the outermost function as a new process would import it."""
     for name in [name for name in sys.modules if name.partition(".")[0] == "toy"]:
         del sys.modules[name]
     importlib.invalidate_caches()
@@ -63,8 +63,8 @@ def anew() -> Any:
 
 
 def answer(found: bool) -> float:
-    """Its value at 3, having seen whether it was found on disk."""
-    outer = anew()
+    """Return its value at 3, and check whether it was found on disk."""
+    outer = reimported()
     value = float(outer(3.0))
     assert sum(outer.stats.cache_hits.values()) == found
     assert sum(outer.stats.cache_misses.values()) == (not found)
@@ -78,10 +78,10 @@ def answer(found: bool) -> float:
         ("constants.py", "2.0", "3.0", 17.0),
     ],
 )
-def test_a_change_of_any_file_is_seen(
+def test_change_of_any_file_is_noticed(
     toy: Path, file: str, before: str, after: str, expected: float
 ) -> None:
-    """Even where it leaves the file's length and time, as of two versions installed."""
+    """Also a change that keeps length and time of the file, as between two installed versions."""
     assert answer(found=False) == 13.0
     assert answer(found=True) == 13.0
     text = (toy / file).read_text()
@@ -92,8 +92,8 @@ def test_a_change_of_any_file_is_seen(
     assert answer(found=True) == expected
 
 
-def test_no_place_to_keep_it(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Then it is compiled in every process."""
+def test_without_a_folder_nothing_is_kept(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is then compiled in every process."""
 
     def refused(path: str, exist_ok: bool = False) -> None:
         raise PermissionError(path)
@@ -105,8 +105,8 @@ def test_no_place_to_keep_it(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize(("kind", "kept"), [("*.nbc", 0.5), ("*.nbi", 0.99)])
-def test_a_damaged_file_is_compiled_anew(toy: Path, kind: str, kept: float) -> None:
-    """And replaced: the next process finds it whole."""
+def test_damaged_file_is_compiled_again(toy: Path, kind: str, kept: float) -> None:
+    """It is replaced: the next process finds a complete one."""
     assert answer(found=False) == 13.0
     (path,) = toy.rglob(kind)
     whole = path.read_bytes()
@@ -115,34 +115,34 @@ def test_a_damaged_file_is_compiled_anew(toy: Path, kind: str, kept: float) -> N
     assert answer(found=True) == 13.0
 
 
-def test_what_was_compiled_for_other_types_is_not_taken(toy: Path) -> None:
-    """Two processes that compile at once may write into the same file."""
-    outer = anew()
+def test_code_for_other_types_is_not_used(toy: Path) -> None:
+    """Two processes that compile at the same time may write into the same file."""
+    outer = reimported()
     assert (outer(3.5), outer(3)) == (14.0, 13.0)
     first, second = sorted(toy.rglob("*.nbc"))
     first.write_bytes(second.read_bytes())
-    assert anew()(3.5) == 14.0
+    assert reimported()(3.5) == 14.0
     assert answer(found=True) == 13.0
 
 
-def test_a_full_disk_keeps_nothing(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_keeps_nothing(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    outer = anew()
+    outer = reimported()
     monkeypatch.setattr("os.replace", full)
     assert float(outer(3.0)) == 13.0
     monkeypatch.undo()
 
 
-def test_each_is_called_directly(toy: Path) -> None:
-    """Without a line of Python between, of which numba needs many to look a function up anew."""
+def test_functions_are_called_directly(toy: Path) -> None:
+    """Without a line of Python in between; numba needs many to look a function up again."""
 
     @outermost
     def other(x):  # type: ignore[no-untyped-def]
         return x + 2.0
 
-    functions = anew(), other
+    functions = reimported(), other
     assert [function(1.0) for function in functions] == [9.0, 3.0]
     assert len({function._cache.cache_path for function in functions}) == 2
     calls: list[str] = []
@@ -157,7 +157,7 @@ def test_each_is_called_directly(toy: Path) -> None:
 
 @pytest.fixture(params=[errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, 524])
 def without_locks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Makes flock() that of a file system without locks, as some network mounts are."""
+    """Let flock() fail as on a file system without locks, as some network mounts are."""
 
     def refuse(descriptor: object, operation: int) -> None:
         raise OSError(request.param, os.strerror(request.param))
@@ -165,7 +165,7 @@ def without_locks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(fcntl, "flock", refuse)
 
 
-def test_one_at_a_time(tmp_path: Path) -> None:
+def test_lock_admits_one_at_a_time(tmp_path: Path) -> None:
     first, second = (FileLock(tmp_path / "lock", timeout=0) for _ in range(2))
     assert taken(first)
     with pytest.raises(Timeout):
@@ -175,12 +175,12 @@ def test_one_at_a_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("without_locks")
-def test_a_file_system_without_locks(tmp_path: Path) -> None:
-    """What filelock makes of it, an exception or a lock by the file's existence, stops nobody."""
+def test_file_system_without_locks_is_supported(tmp_path: Path) -> None:
+    """With filelock's reaction, an exception or a lock by an existing file, nobody is blocked."""
     lock = FileLock(tmp_path / "lock")
     assert taken(lock) == lock.is_locked
     lock.release()
-    for _ in range(2):  # the second run finds what the first has left
+    for _ in range(2):  # the second run finds the files of the first
         folder = OutputFolder(tmp_path / "run")
         folder.begin('title = "a case"\n')
         folder.close()
@@ -191,7 +191,7 @@ def test_a_file_system_without_locks(tmp_path: Path) -> None:
     assert Record(tmp_path / "sweep").entries["one"].label == "kept"
 
 
-def test_who_waits_has_it_as_soon_as_it_is_free(tmp_path: Path) -> None:
+def test_waiting_process_gets_the_lock_when_released(tmp_path: Path) -> None:
     first = FileLock(tmp_path / "lock", timeout=0, thread_local=False)
     second = FileLock(tmp_path / "lock")
     assert taken(first)
@@ -201,7 +201,7 @@ def test_who_waits_has_it_as_soon_as_it_is_free(tmp_path: Path) -> None:
     assert not free.is_alive() and not first.is_locked
 
 
-def test_a_refusal_of_another_kind_is_no_lack_of_locks(
+def test_other_refusals_do_not_count_as_missing_locks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(descriptor: object, operation: int) -> None:
@@ -214,35 +214,35 @@ def test_a_refusal_of_another_kind_is_no_lack_of_locks(
 
 
 def test_fields_are_read_without_a_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """HDF5 has locks of its own, and gives up for others than ENOSYS; h5py is told not to ask."""
-    asked = []
+    """HDF5 has own locks, and fails on errors other than ENOSYS; h5py is told to use none."""
+    calls = []
 
     def opened(path: Path, mode: str, **options: object) -> None:
-        asked.append((mode, options))
+        calls.append((mode, options))
 
     monkeypatch.setattr(h5py, "File", opened)
     open_hdf5(tmp_path / "fields.h5")
-    assert asked == [("r", {"locking": False})]
+    assert calls == [("r", {"locking": False})]
 
 
-# What is said of a folder that cannot be written
+# Messages about a folder that cannot be written
 
 
-def test_the_reason_stands_there_once() -> None:
+def test_reason_is_reported_once() -> None:
     full = OSError(errno.ENOSPC, "No space left on device")
-    said = "out: cannot be written (No space left on device); choose another with -o"
-    assert folder_refused(Path("out"), full) == said
+    message = "out: cannot be written (No space left on device); choose another with -o"
+    assert folder_refused(Path("out"), full) == message
     with pytest.raises(RunFailure) as caught, saving(Path("out/sweep.json")):
         raise full
-    assert folder_refused(Path("out"), caught.value) == said
+    assert folder_refused(Path("out"), caught.value) == message
 
 
-# h5py and MPI are loaded before DOLFINx, whatever comes first; without it, how to get it.
+# h5py and MPI are loaded before DOLFINx in any order of imports; without it, how to get it.
 
 
 ROOT = Path(__file__).parents[2]
 LATER = ("dolfinx", "petsc4py")
-# A new process for each, forked from one that has loaded what is without effect on the order.
+# A new process for each, forked from one that has loaded only modules without effect on the order.
 FORKED = """
 import json, os, sys
 import castfem, castfem.model, numba, scipy.optimize, scipy.sparse.linalg, ufl
@@ -258,7 +258,7 @@ for name in sys.argv[1:]:
 
 
 def first_modules() -> list[str]:
-    """Of each package that loads DOLFINx or petsc4py at once, a module that does so itself."""
+    """Return, for each package that loads DOLFINx or petsc4py, a module that does so itself."""
     found: dict[str, str] = {}
     for path in sorted((ROOT / "castfem").rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -268,7 +268,7 @@ def first_modules() -> list[str]:
     return list(found.values())
 
 
-def test_each_package_may_be_the_first() -> None:
+def test_each_package_may_be_loaded_first() -> None:
     modules = ["castfem.fem.snes", *first_modules()]
     done = subprocess.run(
         [sys.executable, "-c", FORKED, *modules], capture_output=True, text=True, check=False
@@ -285,24 +285,24 @@ def test_each_package_may_be_the_first() -> None:
     assert seen > 5
 
 
-def test_a_script_may_load_dolfinx_itself(tmp_path: Path) -> None:
-    """Where its HDF5 then stands in the way of h5py, one line says what to do."""
+def test_script_may_load_dolfinx_itself(tmp_path: Path) -> None:
+    """If its HDF5 then prevents h5py, one line contains the fix."""
     (tmp_path / "dolfinx.py").touch()
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
 
-    def said(h5py: str, script: str) -> str:
+    def output(h5py: str, script: str) -> str:
         (tmp_path / "h5py.py").write_text(h5py, encoding="utf-8")
         done = subprocess.run(
             [sys.executable, "-c", script], env=environment, capture_output=True, text=True
         )
         return done.stdout + done.stderr
 
-    behind = said("raise ValueError('Not a datatype')", "import dolfinx, castfem")
-    assert behind.splitlines()[-1].endswith("has loaded: import castfem before dolfinx")
-    assert said("print('h5py')", "import dolfinx; print('dolfinx'); import castfem") == (
+    failed = output("raise ValueError('Not a datatype')", "import dolfinx, castfem")
+    assert failed.splitlines()[-1].endswith("has loaded: import castfem before dolfinx")
+    assert output("print('h5py')", "import dolfinx; print('dolfinx'); import castfem") == (
         "dolfinx\nh5py\n"
     )
-    assert said("print('h5py')", "import castfem, dolfinx; print('dolfinx')") == "h5py\ndolfinx\n"
+    assert output("print('h5py')", "import castfem, dolfinx; print('dolfinx')") == "h5py\ndolfinx\n"
 
 
 PIPE = """
@@ -318,10 +318,10 @@ PETSc.Sys.getVersion()
 """
 
 
-# That of PyPI finds its MPI through mpi4py alone.
+# The one of PyPI finds its MPI only through mpi4py.
 @pytest.mark.parametrize("order", ["castfem, dolfinx", "mpi4py.MPI, dolfinx, castfem"])
-def test_a_closed_pipe_raises_also_after_petsc_was_loaded(order: str) -> None:
-    """PETSc's own handler of signals would abort the script instead."""
+def test_closed_pipe_raises_after_petsc_was_loaded(order: str) -> None:
+    """PETSc's own signal handler would abort the script instead."""
     done = subprocess.run(
         [sys.executable, "-c", f"import {order}{PIPE}"], capture_output=True, text=True
     )
@@ -351,7 +351,7 @@ sys.meta_path[1:] = [Without(finder) for finder in sys.meta_path[1:]]
         "from castfem.cli import main; main(['mould', 'billet125/hot', '--hot'])",
     ],
 )
-def test_without_dolfinx_one_line_says_how_to_get_it(use: str, tmp_path: Path) -> None:
+def test_missing_dolfinx_is_reported_with_the_fix(use: str, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", HIDDEN + use], cwd=tmp_path, capture_output=True, text=True
     )

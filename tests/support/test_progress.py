@@ -1,4 +1,4 @@
-"""Progress and log: lines when piped, a bar on a terminal, silence when quiet, nothing per step."""
+"""Progress and log: lines in a pipe, a bar on a terminal, silence if quiet, no line per step."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _clean():
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock that the test moves."""
+    """Return a clock that the test moves."""
 
     class Clock:
         now = 100.0
@@ -55,13 +55,13 @@ def test_plain_lines_every_five_percent(capsys, clock):
     assert lines[-1].startswith("100 %  0.600 of 0.600 m")
 
 
-def test_slow_run_speaks_every_ten_seconds(capsys, clock):
+def test_slow_run_prints_every_ten_seconds(capsys, clock):
     log.setup()
     _advance(Progress(terminal=False), clock, 100_000, 10_000.0)
     assert 900 < len(capsys.readouterr().err.splitlines()) < 1100
 
 
-def test_resumed_run_estimates_from_where_it_began(capsys, clock):
+def test_resumed_run_estimates_from_its_start(capsys, clock):
     log.setup()
     progress = Progress(terminal=False)
     progress.start(0.6, position=0.3)
@@ -100,7 +100,7 @@ def test_bar_on_a_terminal(monkeypatch, clock, tmp_path):
     assert "elapsed" in (tmp_path / "run.log").read_text()
 
 
-def test_log_leaves_the_root_logger_alone(capsys):
+def test_log_does_not_change_the_root_logger(capsys):
     before = list(logging.getLogger().handlers), logging.getLogger().level
     log.setup(1)
     logging.getLogger("castfem.physics.thermal").debug("a step")
@@ -109,7 +109,7 @@ def test_log_leaves_the_root_logger_alone(capsys):
     assert capsys.readouterr().err == "a step\n"
 
 
-def test_level_follows_verbosity(capsys):
+def test_level_depends_on_verbosity(capsys):
     for verbosity, expected in ((-1, ""), (0, "stage\n"), (1, "stage\nstep\n")):
         log.setup(verbosity)
         log.logger.info("stage")
@@ -125,8 +125,8 @@ def test_other_ranks_are_silent(capsys, tmp_path):
     assert not (tmp_path / "run.log").exists()
 
 
-def test_next_run_has_a_file_of_its_own(tmp_path):
-    """A script runs many cases in one process, without `setup`."""
+def test_next_run_has_its_own_file(tmp_path):
+    """A script does many runs in one process, without `setup`."""
     for name in ("a.log", "b.log"):
         log.to_file(tmp_path / name)
         log.logger.info("in %s", name)
@@ -157,9 +157,9 @@ def test_time_left_is_read_back_from_a_line(capsys, clock):
     assert module.time_left("the steps are short, left 0:07") is None
 
 
-@pytest.mark.parametrize(("length", "told"), [(1000.0, True), (0.6, False)])
-def test_a_run_of_hours_is_told_in_the_first_seconds(clock, monkeypatch, length, told) -> None:
-    """Short steps at its begin do not count: 1 mm a second from 3 s on."""
+@pytest.mark.parametrize(("length", "reported"), [(1000.0, True), (0.6, False)])
+def test_run_of_hours_is_reported_early(clock, monkeypatch, length, reported) -> None:
+    """Short steps at its begin do not count: 1 mm a second after 3 s."""
     progress = Progress(terminal=False)
     progress.start(length)
     place, warned = 0.0, []
@@ -168,16 +168,16 @@ def test_a_run_of_hours_is_told_in_the_first_seconds(clock, monkeypatch, length,
         clock.now += 0.5
         place += 1e-6 if clock.now <= 103.0 else 5e-4
         progress.update(place, 10.0 * place, 3, 0.5)
-    assert len(warned) == told
-    assert not told or "takes about 277.8 more hours" in warned[0]
+    assert len(warned) == reported
+    assert not reported or "takes about 277.8 more hours" in warned[0]
 
 
-# The log of a run on a full disk: one line says so, and it ends no run
+# The log of a run on a full disk: one line reports it, and the run continues
 
 
 @contextmanager
 def small_files(size: int) -> Iterator[None]:
-    """No file can grow beyond so many bytes: writing fails as on a full disk."""
+    """Limit the size of files: writing fails as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
@@ -188,7 +188,7 @@ def small_files(size: int) -> Iterator[None]:
         signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_a_full_disk_costs_the_log_one_line(
+def test_full_disk_gives_one_line_about_the_log(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log.setup()
@@ -204,12 +204,12 @@ def test_a_full_disk_costs_the_log_one_line(
             log.end_file()  # as at the end of a run
     finally:
         log.close()
-    told = capsys.readouterr().err.splitlines()
+    printed = capsys.readouterr().err.splitlines()
     steps = [f"step {number} of a run" for number in range(100)]
-    assert [line for line in told if not line.startswith("castfem: ")] == [
+    assert [line for line in printed if not line.startswith("castfem: ")] == [
         *steps, "space again", "lost",
     ]  # fmt: skip
-    (line,) = (line for line in told if line.startswith("castfem: "))
+    (line,) = (line for line in printed if line.startswith("castfem: "))
     assert line == "castfem: warning: run.log: cannot be written (File too large)"
     text = (tmp_path / "run.log").read_text()
     assert text.endswith("space again\n") and "step 0 of a run" in text

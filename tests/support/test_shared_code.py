@@ -1,4 +1,4 @@
-"""A law's machine code is loaded without numba, renewed with what it is made of, and checked."""
+"""A law's machine code is loaded without numba, renewed with its sources, and checked."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def scale(n, factor, values):
 
 @pytest.fixture
 def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Factors of the functions that were compiled; the sources and what is kept stand apart."""
+    """Return the factors of the compiled functions; sources and cache are separate."""
     (tmp_path / "sources").mkdir()
     monkeypatch.setattr(shared_code, "cache_folder", lambda: tmp_path / "cache")
     return []
 
 
 def answer(tmp_path: Path, made: list[float], factor: float = 2.0) -> list[float]:
-    """What the function that is made of a file with a factor makes of 1 and 3, times 10."""
+    """Return 10 times the function of 1 and 3 that is compiled from a file with a factor."""
     (tmp_path / "sources" / "scale.py").write_text(f"FACTOR = {factor}\n{TEXT}")
 
     def make() -> Any:
@@ -62,9 +62,7 @@ def library(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_is_compiled_once_and_again_when_a_file_changes(
-    tmp_path: Path, made: list[float]
-) -> None:
+def test_code_is_compiled_once_and_after_a_change(tmp_path: Path, made: list[float]) -> None:
     for _ in range(2):
         assert answer(tmp_path, made) == [20.0, 60.0]
     assert made == [2.0]
@@ -74,7 +72,7 @@ def test_it_is_compiled_once_and_again_when_a_file_changes(
     assert [path.suffix for path in tmp_path.rglob("cache/**/*.*")] == [".so"] * 2
 
 
-def test_it_is_compiled_anew_for_another_processor(
+def test_code_is_compiled_again_for_another_processor(
     tmp_path: Path, made: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for processor in ("one", "other", "one"):
@@ -84,13 +82,11 @@ def test_it_is_compiled_anew_for_another_processor(
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.99])
-def test_a_library_that_is_cut_off_is_not_loaded(
-    tmp_path: Path, made: list[float], kept: float
-) -> None:
-    """The system would end the process that calls what lies beyond the end of the file."""
+def test_truncated_library_is_not_loaded(tmp_path: Path, made: list[float], kept: float) -> None:
+    """The system would kill a process that calls code beyond the end of the file."""
     answer(tmp_path, made)
     content = library(tmp_path).read_bytes()
-    library(tmp_path).unlink()  # which is in use
+    library(tmp_path).unlink()  # in use
     path = tmp_path / "cut"
     path.write_bytes(content[: int(kept * len(content))])
     (name,) = (tmp_path / "cache" / "kernels").iterdir()
@@ -100,7 +96,7 @@ def test_a_library_that_is_cut_off_is_not_loaded(
     assert len(made) == 2
 
 
-def test_without_a_place_or_a_compiler_each_process_compiles(
+def test_each_process_compiles_without_folder_or_compiler(
     tmp_path: Path, made: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "cache").write_text("no folder")
@@ -115,8 +111,8 @@ def test_without_a_place_or_a_compiler_each_process_compiles(
     assert not list(tmp_path.rglob("*.so"))
 
 
-def test_a_place_that_takes_no_library_is_left_as_it_was(tmp_path: Path, made: list[float]) -> None:
-    """A folder stands where the library should; what was written beside it goes again."""
+def test_unusable_folder_is_left_unchanged(tmp_path: Path, made: list[float]) -> None:
+    """A folder is in place of the library; temporary files are removed again."""
     answer(tmp_path, made)
     path = library(tmp_path)
     path.unlink()
@@ -127,7 +123,7 @@ def test_a_place_that_takes_no_library_is_left_as_it_was(tmp_path: Path, made: l
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_without_numba_it_is_said_what_to_install(
+def test_missing_numba_is_reported_with_the_fix(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     hook = libraries._Watch()
@@ -139,8 +135,8 @@ def test_without_numba_it_is_said_what_to_install(
     assert capsys.readouterr().err == f"castfem: {found.value}\n"
 
 
-def test_what_is_compiled_is_made_of_the_files_it_is_found_by() -> None:
-    """What it took from elsewhere could change unseen."""
+def test_compiled_code_depends_only_on_its_sources() -> None:
+    """Changes of other modules would not be noticed."""
     known = {f"castfem.base.{one}" for one in ("compiled", "shared_code", "types")}
     known |= {kernel.__name__, *(f"{kernel.__name__}.{path.stem}" for path in SOURCES)}
     steps = Path(str(layer_steps.__file__))
@@ -163,7 +159,7 @@ print({"numba", "llvmlite"} & sys.modules.keys())
 """
 
 
-def test_a_process_that_finds_it_needs_no_numba() -> None:
+def test_process_with_compiled_code_needs_no_numba() -> None:
     for _ in range(2):  # the first may compile
         done = subprocess.run(
             [sys.executable, "-c", ALONE], capture_output=True, text=True, env=os.environ
@@ -171,8 +167,8 @@ def test_a_process_that_finds_it_needs_no_numba() -> None:
     assert (done.stdout, done.stderr) == ("set()\n", "")
 
 
-def test_arrays_that_do_not_belong_together_are_refused() -> None:
-    """Compiled code would read and write beyond them."""
+def test_inconsistent_arrays_are_refused() -> None:
+    """Compiled code would read and write beyond their ends."""
 
     def out(points: int) -> list[Any]:
         shapes = (points, 4), (points, 4, 4), (points, 1), (points,)

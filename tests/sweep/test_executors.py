@@ -1,4 +1,4 @@
-"""Runs by any executor: the same results, lost runs made again, messages of those that fail."""
+"""Runs by any executor: the same results, lost runs repeated, messages of failed ones."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from castfem.studies.sweep.workers import Workers
 
 SPEEDS = {"casting.speed": ["3 m/min", "4 m/min"]}
 SHORT = {"casting.length": "6 mm"}
-# Colder than the steel's data go: the run ends on its way.
+# Colder than the data of the steel: the run ends early.
 STOPS = {"cooling.mould.surface": [{"law": "flux", "value": "400 MW/m^2"}]}
 
 
 class Fake(Executor):
-    """Answers each call at once, by a function of its number and its job."""
+    """Executor that answers each call at once, by a function of its number and its job."""
 
     def __init__(self, answer: Callable[[int, Job], Outcome]) -> None:
         self.calls: list[Job] = []
@@ -48,7 +48,7 @@ class Fake(Executor):
 
 
 class Call:
-    """A call that is made when its result is asked for."""
+    """Call that is made when its result is requested."""
 
     def __init__(self, call: Callable[[], object]) -> None:
         self._call, self._looks = call, 0
@@ -64,13 +64,13 @@ class Call:
 
 
 class Batch:
-    """Like submitit: neither executor nor calls are those of concurrent.futures."""
+    """Executor like that of submitit: neither it nor its calls are of concurrent.futures."""
 
     def submit(self, function: Any, /, *args: Any) -> Call:
         return Call(lambda: function(*args))
 
 
-def made(jobs: list[Job], executor: Any, folder: Path) -> tuple[list[str], dict[str, Outcome]]:
+def run_jobs(jobs: list[Job], executor: Any, folder: Path) -> tuple[list[str], dict[str, Outcome]]:
     begun: list[str] = []
     ended: dict[str, Outcome] = {}
     with Workers(folder / "noise", executor=executor) as workers:
@@ -88,29 +88,29 @@ def jobs(folder: Path, *names: str) -> list[Job]:
 def test_all_executors_give_the_same_table(tmp_path, monkeypatch):
     """A relative folder is that of this process; a thread waits for the run of another one."""
     monkeypatch.chdir(tmp_path)
-    alone = castfem.sweep(small(SHORT), SPEEDS, "alone")
-    assert list(alone["casting.speed"]) == ["3 m/min", "4 m/min"]
-    assert list(alone["status"]) == ["finished"] * 2
-    assert alone["heat_removed"].iloc[0] > alone["heat_removed"].iloc[1] > 0.0
-    same = [name for name in alone if name != "seconds"]
+    reference = castfem.sweep(small(SHORT), SPEEDS, "alone")
+    assert list(reference["casting.speed"]) == ["3 m/min", "4 m/min"]
+    assert list(reference["status"]) == ["finished"] * 2
+    assert reference["heat_removed"].iloc[0] > reference["heat_removed"].iloc[1] > 0.0
+    same = [name for name in reference if name != "seconds"]
     context = multiprocessing.get_context("spawn")
     with ThreadPoolExecutor(2) as threads, ProcessPoolExecutor(2, context) as processes:
         for name, executor in (("t", threads), ("p", processes), ("b", Batch())):
             found = castfem.sweep(small(SHORT), SPEEDS, name, executor=executor)
-            assert found[same].equals(alone[same]), name
+            assert found[same].equals(reference[same]), name
     own = castfem.sweep(small(SHORT), SPEEDS, "own", processes=2)
-    assert own[same].equals(alone[same])
+    assert own[same].equals(reference[same])
     again = castfem.sweep(small(SHORT), SPEEDS, "own", executor=Fake(lambda n, job: Outcome("no")))
     assert again.equals(own)  # nothing is run
-    # Nor where the sweep was killed before it could note what had ended.
+    # Nor if the sweep was killed before it recorded the finished runs.
     (tmp_path / "own" / "sweep.json").write_text('{"format": "castfem sweep", "runs": {}}')
     noted = castfem.sweep(small(SHORT), SPEEDS, "own", executor=Fake(lambda n, job: Outcome("no")))
-    assert noted[same].equals(alone[same])
+    assert noted[same].equals(reference[same])
 
 
 @needs_mpirun
-def test_the_ranks_of_a_launcher(tmp_path):
-    """By the executor of mpi4py; without one it is said what to do."""
+def test_sweep_on_the_ranks_of_a_launcher(tmp_path):
+    """With the executor of mpi4py; without one the message contains the fix."""
     write_small(tmp_path)
     (tmp_path / "script.py").write_text(
         "import castfem\nfrom mpi4py import MPI\n"
@@ -125,15 +125,15 @@ def test_the_ranks_of_a_launcher(tmp_path):
     )
     done = python_on(3, "script.py", folder=tmp_path, timeout=240.0)
     assert done.returncode == 0, done.stderr
-    alone = castfem.sweep(small(SHORT), SPEEDS, tmp_path / "alone")
+    reference = castfem.sweep(small(SHORT), SPEEDS, tmp_path / "alone")
     assert done.stdout.splitlines() == [
-        str(list(alone["heat_removed"])),
+        str(list(reference["heat_removed"])),
         "sweep: runs on one rank; under mpirun use castfem sweep",
     ]
 
 
-def test_a_run_that_is_lost_is_submitted_again(tmp_path):
-    """It goes on from its checkpoint; after two further losses it counts as failed."""
+def test_lost_run_is_submitted_again(tmp_path):
+    """It is resumed from its checkpoint; after two further losses it counts as failed."""
 
     def answer(number: int, job: Job) -> Outcome:
         if job.name == "worst" or number == 1:
@@ -141,7 +141,7 @@ def test_a_run_that_is_lost_is_submitted_again(tmp_path):
         return Outcome()
 
     executor = Fake(answer)
-    begun, ended = made(jobs(tmp_path, "one", "two", "worst"), executor, tmp_path)
+    begun, ended = run_jobs(jobs(tmp_path, "one", "two", "worst"), executor, tmp_path)
     assert begun == ["one", "two", "worst"]
     assert ended["one"] == ended["two"] == Outcome()
     assert ended["worst"] == Outcome("MemoryError: the node is gone", obstacle="process")
@@ -151,7 +151,7 @@ def test_a_run_that_is_lost_is_submitted_again(tmp_path):
     ]  # fmt: skip
 
 
-def test_an_executor_that_breaks_leaves_no_run_waiting(tmp_path):
+def test_broken_executor_leaves_no_run_waiting(tmp_path):
     class Broken(Fake):
         def submit(self, function: Any, /, *args: Any, **keywords: Any) -> Future[Any]:
             if len(self.calls) == 2:
@@ -161,13 +161,13 @@ def test_an_executor_that_breaks_leaves_no_run_waiting(tmp_path):
     def answer(number: int, job: Job) -> Outcome:
         raise BrokenExecutor("a process was terminated abruptly")
 
-    _, ended = made(jobs(tmp_path, "one", "two"), Broken(answer), tmp_path)
+    _, ended = run_jobs(jobs(tmp_path, "one", "two"), Broken(answer), tmp_path)
     assert {o.message for o in ended.values()} == {
         "BrokenExecutor: a process was terminated abruptly"
     }
 
 
-def test_an_error_of_ours_cancels_what_has_not_begun(tmp_path):
+def test_own_error_cancels_pending_runs(tmp_path):
     class Slow(Executor):
         calls: ClassVar[list[Future[Any]]] = []
 
@@ -186,14 +186,14 @@ def test_an_error_of_ours_cancels_what_has_not_begun(tmp_path):
     assert [call.cancelled() for call in Slow.calls] == [False, True]
 
 
-def test_an_evaluator_runs_by_an_executor(tmp_path):
-    """A run that fails is an answer; one that is lost is none, and is not kept."""
+def test_evaluator_runs_by_an_executor(tmp_path):
+    """A failed run is a result; a lost one is none, and is not kept."""
     with ThreadPoolExecutor(1) as threads:
         evaluate = Evaluator(small(SHORT), tmp_path / "runs", executor=threads)
         good, failed = evaluate.many([{}, STOPS])
-    alone = Evaluator(small(SHORT), tmp_path / "alone")
-    assert good.quantities == alone().quantities
-    assert failed.failed and failed.message == alone(STOPS).message
+    reference = Evaluator(small(SHORT), tmp_path / "alone")
+    assert good.quantities == reference().quantities
+    assert failed.failed and failed.message == reference(STOPS).message
 
     def answer(number: int, job: Job) -> Outcome:
         raise MemoryError("the node is gone")
@@ -204,13 +204,13 @@ def test_an_evaluator_runs_by_an_executor(tmp_path):
     assert Evaluator(small(SHORT), tmp_path / "lost")().quantities == good.quantities
 
 
-def test_values_that_are_none(tmp_path):
-    for values, said in (
+def test_invalid_values_are_refused(tmp_path):
+    for values, message in (
         (None, "nothing to sweep"),
         ({"casting.speed": "3 m/min"}, "keys with lists of values"),
         ({"casting.sped": ["3 m/min"]}, "casting.sped"),
         ({"casting.speed": ["3 m/min", "-1 m/min"]}, "casting.speed"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             castfem.sweep(small(SHORT), values, tmp_path / "out")
         assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""Which runs a sweep has, and what is refused before anything runs."""
+"""The runs of a sweep, and input that is refused before the first run."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_product(base):
     assert first.name == "speed_3_m_min__superheat_20_K"
 
 
-def test_names_stay_when_values_are_added(base):
+def test_names_do_not_change_when_values_are_added(base):
     few = plan(base, ["speed=3 m/min,4 m/min"])
     more = plan(base, ["speed=2 m/min,3 m/min,4 m/min"])
     assert {v.name for v in few} < {v.name for v in more}
@@ -88,7 +88,7 @@ def test_labels_are_the_names_as_written(base, tmp_path):
     ]
 
 
-def test_rows_that_are_the_same(base, tmp_path):
+def test_equal_rows_are_refused(base, tmp_path):
     table = tmp_path / "runs.csv"
     table.write_text("speed [m/min],superheat [K]\n3,20\n4,20\n3,20\n")
     (problem,) = _problems(base, table=table)
@@ -109,7 +109,7 @@ def _problems(base, *assignments, table=None) -> tuple[str, ...]:
     return caught.value.problems
 
 
-def test_all_bad_values_are_told_once(base):
+def test_all_bad_values_are_reported_once(base):
     """Six runs, five of them bad, for two reasons."""
     problems = _problems(base, "speed=3 m/min,3", "superheat=20 K,-5 K,30 K")
     assert len(problems) == 2
@@ -127,7 +127,7 @@ def test_all_bad_values_are_told_once(base):
         (("steel.name=nosuch,carbon_042",), "nosuch"),
     ],
 )
-def test_refused(base, assignments, message):
+def test_invalid_values_are_refused(base, assignments, message):
     (problem,) = _problems(base, *assignments)
     assert message in problem
 
@@ -189,14 +189,14 @@ def test_tapers_of_several_values(tmp_path, text):
     ]
 
 
-def test_values_of_table_and_set_are_told_where_they_stand(base, tmp_path):
+def test_faults_of_table_and_set_have_their_source(base, tmp_path):
     table = tmp_path / "runs.csv"
     table.write_text("speed [m/min]\n3\n4 kg\n")
     problems = _problems(base, "superheat=20 K,-5 K", table=table)
     assert [p.partition(": casting")[0] for p in problems] == ["sweep", f"{table}: run 2"]
 
 
-def test_key_in_table_and_behind_set(base, tmp_path):
+def test_key_in_table_and_set_is_refused(base, tmp_path):
     table = tmp_path / "runs.csv"
     table.write_text("speed [m/min]\n3\n4\n")
     (problem,) = _problems(base, "speed=3 m/min,4 m/min", table=table)

@@ -1,4 +1,4 @@
-"""Which number a cell of a CSV file means, and what spreadsheets write around the numbers."""
+"""Meaning of a cell of a CSV file, and additions of spreadsheets around the numbers."""
 
 from __future__ import annotations
 
@@ -40,9 +40,7 @@ def written(folder: Path, text: str) -> Path:
         ("a;b\n0,5;1.234,5\n", 'line 2: "1.234,5" has thousands separators; write it without'),
     ],
 )
-def test_numbers_that_may_mean_two_things_are_refused(
-    tmp_path: Path, text: str, message: str
-) -> None:
+def test_ambiguous_numbers_are_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(UnreadableError) as error:
         read_csv(written(tmp_path, text))
     assert message in str(error.value)
@@ -52,15 +50,15 @@ def test_numbers_that_may_mean_two_things_are_refused(
 @pytest.mark.parametrize(
     ("text", "cells"),
     [
-        ("a;b\n1,200;0,5\n", ("1.200", "0.5")),  # 0,5 says that the comma is the decimal mark
-        ("a\tb\n1.200\t1.045\n", ("1.200", "1.045")),  # nothing there writes decimal commas
+        ("a;b\n1,200;0,5\n", ("1.200", "0.5")),  # by 0,5 the comma is the decimal mark
+        ("a\tb\n1.200\t1.045\n", ("1.200", "1.045")),  # no decimal commas in the file
         ("a;b\n1.200;0.500\n", ("1.200", "0.500")),
         ("a;b\n1200;1045\n", ("1200", "1045")),
         ("a;b\n2024.03.12;1200\n", ("2024.03.12", "1200")),
         ("a;b\n1,2e3;5\n", ("1.2e3", "5")),
     ],
 )
-def test_one_number_tells_the_decimal_mark_of_the_file(
+def test_one_number_decides_the_decimal_mark(
     tmp_path: Path, text: str, cells: tuple[str, ...]
 ) -> None:
     assert read_csv(written(tmp_path, text)).rows[0].cells == cells
@@ -77,13 +75,13 @@ def test_one_number_tells_the_decimal_mark_of_the_file(
         "sep=|\nposition [m]|value [MW/m^2]\n0|2,5\n0,3|1,25\n",
     ],
 )
-def test_what_spreadsheets_write_around_a_table_is_passed_over(tmp_path: Path, text: str) -> None:
+def test_additions_of_spreadsheets_are_ignored(tmp_path: Path, text: str) -> None:
     table = FLUX.read({"file": str(written(tmp_path, text))})
     assert table.arguments == (0.0, 0.3) and table.values == (2.5e6, 1.25e6)  # type: ignore[union-attr]
 
 
-def test_what_is_no_table_at_all_is_refused_at_once(tmp_path: Path) -> None:
-    """A cell without its last quotation mark takes the rest of the file, a pipe forever."""
+def test_files_without_a_table_are_refused_at_once(tmp_path: Path) -> None:
+    """An unclosed quotation mark extends to the end of the file, a pipe forever."""
     path = written(tmp_path, "a [mm],b\n1,2\n3," + 200_000 * "4" + "\n")
     with pytest.raises(UnreadableError, match=r"^line 3: .*larger.*; is a quotation mark missing"):
         read_csv(path)
@@ -92,7 +90,7 @@ def test_what_is_no_table_at_all_is_refused_at_once(tmp_path: Path) -> None:
         read_csv(tmp_path / "pipe.csv")
 
 
-def test_rolls_and_measurements_have_empty_rows_and_columns(tmp_path: Path) -> None:
+def test_rolls_and_measurements_allow_empty_cells(tmp_path: Path) -> None:
     text = "sep=;\nposition [m];diameter [mm];;\n0,8;150;;\n;;;\n1,1;150;;\n;;;\n"
     pairs = read_rolls({"file": str(written(tmp_path, text))}).pairs
     assert [(pair.position, pair.diameter) for pair in pairs] == [(0.8, 0.15), (1.1, 0.15)]
@@ -101,14 +99,14 @@ def test_rolls_and_measurements_have_empty_rows_and_columns(tmp_path: Path) -> N
     assert [(m.position, m.value) for m in found] == [(0.8, 0.0125), (1.1, 0.014)]
 
 
-def test_the_line_of_a_cell_is_that_of_the_file(tmp_path: Path) -> None:
+def test_line_of_a_cell_is_that_of_the_file(tmp_path: Path) -> None:
     text = "sep=;\n\nposition [m];diameter [mm];\n;;\n0,8;150;\n;;\n1,1;thick;\n"
     with pytest.raises(ValueError, match=r"a.csv' line 7, roll 2: diameter \(thick\)"):
         read_rolls({"file": str(written(tmp_path, text))})
 
 
-def test_every_column_of_a_history_is_read_as_a_measurement(tmp_path: Path) -> None:
-    """Name and unit as History writes them, and a value that comes back from SI."""
+def test_every_column_of_a_history_is_a_measurement(tmp_path: Path) -> None:
+    """Name and unit as in History, and a value that converts back from SI."""
     columns = [d for d in declared() if d.column and d.name != "position"]
     assert "-" in {d.unit for d in columns} and len({d.unit for d in columns}) > 12
     for d in columns:
@@ -118,7 +116,7 @@ def test_every_column_of_a_history_is_read_as_a_measurement(tmp_path: Path) -> N
         assert found.name == name and d.in_unit(found.value) == pytest.approx(2.5), name
 
 
-def test_a_number_without_unit_may_say_so(tmp_path: Path) -> None:
+def test_number_may_have_the_unit_one(tmp_path: Path) -> None:
     emissivity = Curve(Kind("1", label="emissivity", sample="0.8"), over="temperature")
     path = written(tmp_path, "temperature [degC], value [-]\n700, 0.8\n900, 0.85\n")
     in_file, in_case = (
@@ -145,7 +143,7 @@ def test_a_number_without_unit_may_say_so(tmp_path: Path) -> None:
 SURFACE = "cooling.0.surface"
 
 
-def test_between_semicolons_a_comma_is_a_point(tmp_path: Path) -> None:
+def test_comma_between_semicolons_is_a_decimal_mark(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("position [mm]; value; text\n0,5; -1,25e-3; 3,6 m/min\n1,5; ,5; [1,2]\n")
     rows = read_csv(path).rows
@@ -153,7 +151,7 @@ def test_between_semicolons_a_comma_is_a_point(tmp_path: Path) -> None:
     assert rows[1].cells == ("1.5", ".5", "[1,2]")
 
 
-def test_between_commas_they_are_told(tmp_path: Path) -> None:
+def test_decimal_commas_between_commas_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "flux.csv"
     path.write_text("position [mm], value [MW/m^2]\n0, 2,5\n30, 1,25\n")
     law = {"law": "flux", "value": {"file": str(path)}}
@@ -161,7 +159,7 @@ def test_between_commas_they_are_told(tmp_path: Path) -> None:
         small({SURFACE: [law]})
 
 
-def test_tabs_part_the_columns_as_semicolons_do(tmp_path: Path) -> None:
+def test_tabs_separate_columns_as_semicolons(tmp_path: Path) -> None:
     path = tmp_path / "flux.csv"
     path.write_text("position [mm]\tvalue [MW/m^2]\n0\t2,5\n30,5\t1,25\n")
     assert read_csv(path).rows[1].cells == ("30.5", "1.25")
@@ -178,9 +176,7 @@ def test_tabs_part_the_columns_as_semicolons_do(tmp_path: Path) -> None:
          "is not UTF-8 text; save it in that encoding (CSV"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_table_in_a_file_names_it(
-    tmp_path: Path, text: bytes, line: str
-) -> None:
+def test_fault_of_a_table_names_its_file(tmp_path: Path, text: bytes, line: str) -> None:
     path = tmp_path / "flux.csv"
     path.write_bytes(text)
     with pytest.raises(InputError) as error:

@@ -1,4 +1,4 @@
-"""Quantities: values, dimensions, temperatures against differences, and the way back to text."""
+"""Quantities: values, dimensions, temperatures and differences, and conversion to text."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from castfem.base.quantities import Notation
 from castfem.base.shown_units import below_meniscus
 
 
-def test_common_units_are_what_pint_says(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = [(unit, si) for unit, (_, names) in units.COMMON.items() for si in names]
+def test_common_units_agree_with_pint(monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs = [(unit, si) for unit, (_, names) in units.COMMON.items() for si in names]
 
-    def told() -> list[object]:
+    def conversions() -> list[object]:
         units._conversion.cache_clear()
         units._si_of.cache_clear()
-        return [(units._conversion(unit, si, False), units._si_of(unit)) for unit, si in asked]
+        return [(units._conversion(unit, si, False), units._si_of(unit)) for unit, si in pairs]
 
-    found = told()
-    with monkeypatch.context() as known:
-        known.setattr(units, "COMMON", {})
+    found = conversions()
+    with monkeypatch.context() as patch:
+        patch.setattr(units, "COMMON", {})
         parsed: list[str] = []
         parse = units._parse_unit
-        known.setattr(units, "_parse_unit", lambda unit, *_: parsed.append(unit) or parse(unit))
-        expected = told()
+        patch.setattr(units, "_parse_unit", lambda unit, *_: parsed.append(unit) or parse(unit))
+        expected = conversions()
         assert {*parsed} >= {*units.COMMON}
-    told()
-    for entry, one, other in zip(asked, found, expected, strict=True):
+    conversions()
+    for entry, one, other in zip(pairs, found, expected, strict=True):
         assert one == other, entry
     with pytest.raises(ValueError, match="in kelvin"):
         units.parse("40 degC", "K", difference=True)
@@ -78,7 +78,7 @@ def test_difference_of_temperatures_is_written_in_kelvin():
 
 
 @pytest.mark.parametrize(
-    ("text", "unit", "said"),
+    ("text", "unit", "message"),
     [
         (160, "K", 'needs its unit, such as "160 degC"'),
         ("3.6 m", "m/s", r"'m' is the unit of a length, a speed is needed.*did you mean m/min\?"),
@@ -101,14 +101,14 @@ def test_difference_of_temperatures_is_written_in_kelvin():
         ("2 %", "m", "'%' has no dimension, a length is needed"),
     ],
 )
-def test_refused(text, unit, said):
-    with pytest.raises(ValueError, match=said):
+def test_refused(text, unit, message):
+    with pytest.raises(ValueError, match=message):
         units.parse(text, unit)
 
 
 @given(st.text(max_size=30))
 def test_any_text_is_read_or_refused(text):
-    """Nothing but ValueError comes out of a text, whatever it is."""
+    """Any text raises nothing but ValueError."""
     for candidate in (text, f"3 {text}"):
         try:
             assert math.isfinite(units.parse(candidate, "m"))
@@ -141,7 +141,7 @@ def test_format_prefers_the_users_unit():
     assert units.format(0.8, "1") == "0.8"
 
 
-def test_parse_any_tells_the_si_unit():
+def test_parse_any_returns_the_si_unit():
     assert units.parse_any("4.75 mm") == (0.00475, "m")
     assert units.parse_any("1242 degC") == (1515.15, "K")
     assert units.parse_any("142.7 kJ") == (142700.0, "J")
@@ -157,7 +157,7 @@ def test_convert_is_the_inverse_of_parse():
     assert units.convert(0.5, "1", "percent") == 50.0
 
 
-def test_types_check_bounds_and_write_themselves_back():
+def test_types_check_bounds_and_convert_back():
     length = TypeAdapter(quantities.Length)
     assert length.validate_python("125 mm") == 0.125
     assert length.dump_python(0.125, mode="json") == "125 mm"
@@ -170,7 +170,7 @@ def test_types_check_bounds_and_write_themselves_back():
         TypeAdapter(quantities.Conductivity).validate_python("-30 W/(m K)")
 
 
-def test_water_is_given_as_volume_or_mass():
+def test_water_is_volume_or_mass():
     water = TypeAdapter(quantities.WaterFlow)
     assert water.validate_python("5 L/(m^2 s)") == 5.0
     assert water.validate_python("300 kg/(m^2 min)") == 5.0
@@ -180,7 +180,7 @@ def test_water_is_given_as_volume_or_mass():
 
 
 @pytest.mark.parametrize(
-    ("position", "digits", "told"),
+    ("position", "digits", "text"),
     [
         (0.1002, ".4g", "100.2 mm"),
         (6.744412, ".6g", "6744.41 mm"),
@@ -188,15 +188,17 @@ def test_water_is_given_as_volume_or_mass():
         (12.0, ".6g", "12 m"),
     ],
 )
-def test_places_far_down_are_told_in_metres(position: float, digits: str, told: str) -> None:
-    assert below_meniscus(position, digits) == f"{told} below the meniscus"
+def test_places_far_down_are_in_metres(position: float, digits: str, text: str) -> None:
+    assert below_meniscus(position, digits) == f"{text} below the meniscus"
 
 
 @pytest.mark.parametrize(
     ("written", "unit"), [("mm", "m"), ("degC", "K"), ("degF", "K"), ("m/min", "m/s"), ("m", "m")]
 )
 @given(numbers=st.lists(st.floats(0.0, 1e12) | st.integers(0, 10**9), min_size=1, max_size=5))
-def test_many_numbers_are_read_as_each(written: str, unit: str, numbers: list[float | int]) -> None:
+def test_many_numbers_are_read_as_single_ones(
+    written: str, unit: str, numbers: list[float | int]
+) -> None:
     found = units.parse_numbers(numbers, written, unit)
     assert found == tuple(units.parse(f"{number!r} {written}", unit) for number in numbers)
     assert all(type(number) is float for number in found)
@@ -208,7 +210,7 @@ def test_many_numbers_below_absolute_zero_are_refused() -> None:
     assert units.parse_numbers([-5.0], "K", "K", difference=True) == (-5.0,)
 
 
-def test_no_unit_of_a_temperature_is_proposed_for_a_difference() -> None:
+def test_temperature_is_not_proposed_for_a_difference() -> None:
     with pytest.raises(ValueError, match=r'a temperature difference is needed, such as "40 K"$'):
         units.parse("40 degZ", "K", difference=True)
 
@@ -222,7 +224,7 @@ def test_no_unit_of_a_temperature_is_proposed_for_a_difference() -> None:
         ("any", "any speed"),
     ],
 )
-def test_a_beginning_stands_for_the_whole_name(name: str, near: str) -> None:
+def test_beginning_of_a_name_proposes_it(name: str, near: str) -> None:
     proposed = units.nearest(name, ["li_thomas", "savage_pritchard", "any speed", "only_this_one"])
     assert proposed == (f"; did you mean {near}?" if near else "")
 
@@ -231,18 +233,18 @@ def test_a_beginning_stands_for_the_whole_name(name: str, near: str) -> None:
     ("name", "near"),
     [("stirrer", ""), ("mold", "mould"), ("Cooling", "cooling"), ("casing", "casting")],
 )
-def test_a_name_is_proposed_where_it_is_near(name: str, near: str) -> None:
+def test_similar_name_is_proposed(name: str, near: str) -> None:
     proposed = units.nearest(name, ["casting", "cooling", "mould", "water"])
     assert proposed == (f"; did you mean {near}?" if near else "")
     files = units.nearest(f"{name}.toml", ["casting.toml", "cooling.toml", "mould.toml", "x.toml"])
     assert files == (f"; did you mean {near}.toml?" if near else "")
 
 
-# How values are written in files: the annotations of fields
+# Notation of values in files: the annotations of fields
 
 
 def annotations() -> dict[str, object]:
-    """Each annotated type that a module of case files names, by module and name."""
+    """Return each annotated type in a module of case files, by module and name."""
     found = {}
     for package in (castfem.model, castfem.base):
         for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
@@ -252,7 +254,7 @@ def annotations() -> dict[str, object]:
     return found
 
 
-def test_any_python_can_join_it_with_none() -> None:
+def test_annotations_can_be_optional_in_any_python() -> None:
     """Early releases of Python 3.11 and 3.12 put the members of a union in a set."""
     assert annotations()
     for name, annotation in annotations().items():

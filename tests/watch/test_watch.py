@@ -1,4 +1,4 @@
-"""`castfem watch`: runs at work, ended, killed; in lines, as a picture, as a page."""
+"""`castfem watch`: active, ended and killed runs; as lines, as a picture, as a page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CASE = strip()
 
 
 class Clock:
-    """Seconds that go when told."""
+    """Clock that the test moves."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -38,8 +38,8 @@ class Clock:
         return self.now
 
 
-class AtWork:
-    """A run that takes a step whenever somebody waits for it, and then ends as it is told."""
+class ActiveRun:
+    """A run that takes a step at each wait, and then ends as prescribed."""
 
     def __init__(self, path: Path, end: str = "finished", steps: int = 4) -> None:
         self.folder, self.end, self.left = OutputFolder(path), end, rows(steps)
@@ -57,7 +57,7 @@ class AtWork:
             self.folder.finish()
         elif self.end == "failed":
             self.folder.fail("the shell breaks out at 0.3 m")
-        self.folder.close()  # of a run that is killed the lock goes, too
+        self.folder.close()  # a killed run releases its lock, too
 
 
 @contextmanager
@@ -66,7 +66,7 @@ def lines(width: int = 100, terminal: bool = False) -> Iterator[tuple[Console, C
     yield Console(file=text, width=width, height=30, force_terminal=terminal), text.getvalue
 
 
-def test_a_run_at_work_is_seen_by_its_files_alone(tmp_path: Path) -> None:
+def test_active_run_is_read_from_its_files(tmp_path: Path) -> None:
     folder, seen = tmp_path / "run", list[RunStatus]()
     watcher = Watcher(folder)
 
@@ -85,10 +85,10 @@ def test_a_run_at_work_is_seen_by_its_files_alone(tmp_path: Path) -> None:
     assert watcher.status().state == "finished"
 
 
-def test_time_left_is_that_of_the_pace(tmp_path: Path) -> None:
-    """A strand that goes on as it does now comes to its end after way over pace."""
+def test_remaining_time_is_by_the_pace(tmp_path: Path) -> None:
+    """At its present pace a strand reaches its end after remaining length over pace."""
     clock = Clock()
-    work = AtWork(tmp_path / "run", steps=40)
+    work = ActiveRun(tmp_path / "run", steps=40)
     watcher = Watcher(tmp_path / "run", clock)
     assert math.isnan(watcher.status().left)
     for _ in range(30):
@@ -106,16 +106,18 @@ def test_time_left_is_that_of_the_pace(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("end", "well", "told"),
+    ("end", "well", "message"),
     [
         ("finished", True, "castfem show"),
         ("failed", False, "the shell breaks out at 0.3 m"),
         ("killed", False, r"killed or aborted.*castfem run --resume"),
     ],
 )
-def test_it_ends_with_the_run_and_says_why(tmp_path: Path, end: str, well: bool, told: str) -> None:
+def test_watching_ends_with_the_run_and_its_reason(
+    tmp_path: Path, end: str, well: bool, message: str
+) -> None:
     folder, target, pages = tmp_path / "run", tmp_path / "page.html", list[str]()
-    work = AtWork(folder, end)
+    work = ActiveRun(folder, end)
 
     def sleep(seconds: float) -> None:
         pages.append(target.read_text(encoding="utf-8"))
@@ -125,8 +127,8 @@ def test_it_ends_with_the_run_and_says_why(tmp_path: Path, end: str, well: bool,
         seen = Viewing(console, 0.5, Page(folder, target, 1e-9), sleep=sleep)
         assert watch(folder, seen) is well
     printed = text().splitlines()
-    assert len(printed) == len(pages) + 2  # a line a look, the end, and why
-    assert re.search(told, printed[-1]) and printed[-2].startswith(f"run:  {end}")
+    assert len(printed) == len(pages) + 2  # a line for each look, the end, and the reason
+    assert re.search(message, printed[-1]) and printed[-2].startswith(f"run:  {end}")
     assert "shell" in printed[1] and "surface" in printed[1]
     assert all('http-equiv="refresh"' in page for page in pages)
     last = target.read_text(encoding="utf-8")
@@ -136,7 +138,7 @@ def test_it_ends_with_the_run_and_says_why(tmp_path: Path, end: str, well: bool,
     assert end in last and ('id="work"' in last) is not well
 
 
-def test_the_picture_of_a_run(tmp_path: Path) -> None:
+def test_picture_of_a_run(tmp_path: Path) -> None:
     write_run(tmp_path / "run", finish=False)
     log = "2026-11-22 18:52:19,497 WARNING the steps are short\n"
     (tmp_path / "run" / "run.log").write_text(log)
@@ -146,7 +148,7 @@ def test_the_picture_of_a_run(tmp_path: Path) -> None:
         assert part in text()
 
 
-def test_who_takes_up_a_killed_run_finds_its_lock_free(tmp_path: Path) -> None:
+def test_lock_of_a_killed_run_is_left_free(tmp_path: Path) -> None:
     folder, tried = write_run(tmp_path / "run", finish=False), list[bool]()
     watcher = Watcher(folder)
     assert watcher.status().state == "killed"
@@ -159,7 +161,7 @@ def test_who_takes_up_a_killed_run_finds_its_lock_free(tmp_path: Path) -> None:
         assert watcher.status().state == "running" and watcher.status().state == "running"
 
 
-def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
+def test_sweep_has_a_line_for_each_run(tmp_path: Path) -> None:
     clock = Clock()
     record = Record(tmp_path)
     record.entries = {
@@ -170,7 +172,7 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
     }
     record.save()
     write_run(tmp_path / "slow")
-    work = AtWork(tmp_path / "middle", steps=2)
+    work = ActiveRun(tmp_path / "middle", steps=2)
     watcher = SweepWatcher(tmp_path, clock)
     found = watcher.status()
     states = {row.name: row.status.state for row in found.rows}
@@ -189,9 +191,9 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
     clock.now *= 2.0
     last = watcher.status()
     assert last.ended and not last.complete
-    said = "\n".join(unfinished(last))
-    assert "1 waiting: later" in said and "no run has been running for 1:01" in said
-    assert "--wait" in said and "fast: failed: it breaks out" in said
+    reasons = "\n".join(unfinished(last))
+    assert "1 waiting: later" in reasons and "no run has been running for 1:01" in reasons
+    assert "--wait" in reasons and "fast: failed: it breaks out" in reasons
     assert not SweepWatcher(tmp_path, clock, math.inf).status().ended
     target = tmp_path / "page.html"
     Page(tmp_path, target, 1.0, clock).write_sweep(last)
@@ -199,24 +201,24 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
     html = "{http://www.w3.org/1999/xhtml}"
     (head,) = (part for part in root.iter(f"{html}section") if part.get("id") == "work")
     assert len(list(head.iter(f"{html}tr"))) == 4
-    assert len(list(head.iter(f"{html}progress"))) == 1  # the way is known of one case alone
+    assert len(list(head.iter(f"{html}progress"))) == 1  # the length is known of one case only
 
 
 def _stop(_: float) -> None:
     raise KeyboardInterrupt
 
 
-def test_a_folder_without_a_run_is_told_in_one_line(
+def test_folder_without_a_run_is_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").touch()
-    for folder, told in (
+    for folder, message in (
         (tmp_path, "holds no run of castfem; --wait waits for one to begin"),
         (tmp_path / "none", "no such folder; --wait waits for one to begin"),
         (tmp_path / "file", "is not a folder"),
     ):
         assert execute(["watch", str(folder)]) == 1
-        assert capsys.readouterr().err == f"castfem: {folder}: {told}\n"
+        assert capsys.readouterr().err == f"castfem: {folder}: {message}\n"
         with pytest.raises(InputError):
             Watcher(folder).status()
     write_run(tmp_path / "run")
@@ -225,13 +227,13 @@ def test_a_folder_without_a_run_is_told_in_one_line(
         assert f"--every {every}: " in capsys.readouterr().err
 
 
-def test_a_run_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
-    """It begins, is killed, is taken up again and ends: with wait, one look at it all."""
+def test_future_run_is_waited_for(tmp_path: Path) -> None:
+    """It begins, is killed, is resumed and ends, all in one call with --wait."""
     folder, target, pages = tmp_path / "run", tmp_path / "page.html", list[str]()
 
     def happens() -> Iterator[None]:
         for end in ("killed", "finished"):
-            work = AtWork(folder, end, steps=1)
+            work = ActiveRun(folder, end, steps=1)
             yield
             for _ in range(3):  # two rows, and its end
                 pages.append(target.read_text(encoding="utf-8"))
@@ -252,7 +254,7 @@ def test_a_run_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
     assert 'http-equiv="refresh"' not in target.read_text(encoding="utf-8")
 
 
-def test_a_sweep_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
+def test_future_sweep_is_waited_for(tmp_path: Path) -> None:
     folder = tmp_path / "sweep"
 
     def sleep(seconds: float) -> None:
@@ -267,7 +269,7 @@ def test_a_sweep_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("by", ["case", "option"])
-def test_it_shows_the_units_that_were_chosen(
+def test_chosen_units_are_shown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], by: str
 ) -> None:
     folder, page = write_run(tmp_path / "run"), tmp_path / "page.html"
@@ -287,7 +289,7 @@ def test_it_shows_the_units_that_were_chosen(
     assert (float(found[1]), float(found[3])) == pytest.approx(wanted[::2], rel=1e-3)
 
 
-def test_the_command_ends_with_the_status_of_the_run(
+def test_command_ends_with_the_status_of_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = tmp_path / "page.html"
@@ -298,9 +300,9 @@ def test_the_command_ends_with_the_status_of_the_run(
     assert execute(["watch", str(tmp_path / "dead")]) == 2
 
 
-def test_pages_cost_a_tenth_of_the_time(tmp_path: Path) -> None:
+def test_pages_take_a_tenth_of_the_time(tmp_path: Path) -> None:
     clock, folder = Clock(), tmp_path / "run"
-    work, watcher = AtWork(folder), Watcher(folder, clock)
+    work, watcher = ActiveRun(folder), Watcher(folder, clock)
     page = Page(folder, tmp_path / "page.html", 1.0, clock)
     page._write = lambda *_: None  # type: ignore[method-assign]
     page._next, clock.now = 5.0, 4.0

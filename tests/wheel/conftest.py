@@ -1,4 +1,4 @@
-"""Left out of the suite, which builds nothing: `make test-pip`."""
+"""Excluded from the suite, which builds nothing: `make test-pip`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What `python -m build` makes, installed as users do, with the newest releases, and used.
+"""The result of `python -m build`, installed as users do, with the newest releases, and used.
 
-The Python of this environment serves as that of a user, if it is 3.12 or newer; nothing else of it.
+The Python of this environment replaces that of a user, if it is 3.12 or newer.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SHORT_SLAB = ("--set", "casting.length=0.9 m")
 
 
 def called(*words: str | Path, cwd: Path | None = None) -> str:
-    """Run a program without anything of this Python's environment; what it prints."""
+    """Run a program without the environment of this Python; return its output."""
     own = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
     environment = {name: value for name, value in os.environ.items() if name not in own}
     done = subprocess.run(
@@ -40,7 +40,7 @@ def called(*words: str | Path, cwd: Path | None = None) -> str:
 
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the sdist, and of the wheel that was built from it."""
+    """Return the folder of the sdist, and of the wheel built from it."""
     home = tmp_path_factory.mktemp("build")
     for folder in SHIPPED:
         left_out = shutil.ignore_patterns("__pycache__")
@@ -60,7 +60,7 @@ def wheel(built: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The program of a new virtual environment, with all that its extra "solver" brings."""
+    """Return the program in a new virtual environment with the extra "solver"."""
     if sys.version_info < (3, 12):
         pytest.skip("there are no wheels of DOLFINx for Python 3.11")
     home = tmp_path_factory.mktemp("venv")
@@ -76,7 +76,7 @@ def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def sources() -> set[str]:
-    """Names in the wheel of all that lies in the folders that are shipped."""
+    """Return the names in the wheel of all files in the shipped folders."""
     return {
         f"{inside}/{path.relative_to(ROOT / folder).as_posix()}"
         for folder, inside in SHIPPED.items()
@@ -85,7 +85,7 @@ def sources() -> set[str]:
     }
 
 
-def test_wheel_holds_what_is_shipped_and_nothing_else(wheel: Path) -> None:
+def test_wheel_contains_exactly_the_shipped_files(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
         licences = [name for name in archive.namelist() if "licenses/LICENSE" in name]
@@ -93,7 +93,7 @@ def test_wheel_holds_what_is_shipped_and_nothing_else(wheel: Path) -> None:
     assert "castfem/py.typed" in names and len(licences) == 2
 
 
-def test_sdist_holds_what_the_wheel_is_built_from(built: Path) -> None:
+def test_sdist_contains_the_sources_of_the_wheel(built: Path) -> None:
     (path,) = built.glob("castfem-*.tar.gz")
     with tarfile.open(path) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
@@ -106,27 +106,29 @@ def test_sdist_holds_what_the_wheel_is_built_from(built: Path) -> None:
 def test_version_is_that_of_the_code(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
-        told = Parser().parsestr(archive.read(name).decode())
+        metadata = Parser().parsestr(archive.read(name).decode())
     tree = ast.parse((ROOT / "castfem" / "__init__.py").read_text())
     (version,) = (
         ast.literal_eval(node.value)
         for node in tree.body
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__version__"
     )
-    assert told["Version"] == version == wheel.name.split("-")[1]
-    assert {"numpy", "pydantic"} <= {re.split(r"\W", r)[0] for r in told.get_all("Requires-Dist")}
+    assert metadata["Version"] == version == wheel.name.split("-")[1]
+    assert {"numpy", "pydantic"} <= {
+        re.split(r"\W", r)[0] for r in metadata.get_all("Requires-Dist")
+    }
 
 
-def test_it_runs_from_an_empty_folder(program: Path, tmp_path: Path) -> None:
-    """The billet, a slab, tables, figures and a page: all from the wheel, none from here."""
+def test_program_runs_from_an_empty_folder(program: Path, tmp_path: Path) -> None:
+    """The billet, a slab, tables, figures and a page: all from the wheel, none from this folder."""
     python = program.with_name("python")
     where = called(python, "-c", "import castfem; print(castfem.__file__)", cwd=tmp_path)
     assert Path(where.strip()).is_relative_to(program.parents[1])
     begun = time.monotonic()
-    said = called(program, "run", "billet125/taper_1", "--accuracy", "coarse", cwd=tmp_path)
+    printed = called(program, "run", "billet125/taper_1", "--accuracy", "coarse", cwd=tmp_path)
     print(f"the first billet, coarse, in {time.monotonic() - begun:.0f} s")
     folder = tmp_path / "results" / "billet125" / "taper_1"
-    assert "results in results/billet125/taper_1" in said and (folder / "summary.json").is_file()
+    assert "results in results/billet125/taper_1" in printed and (folder / "summary.json").is_file()
     assert len(list((folder / "figures").iterdir())) > 3
     called(program, "run", "slab1200/slab", *SHORT_SLAB, "-o", "slab", cwd=tmp_path)
     called(program, "report", "slab", folder, "-o", "both.html", cwd=tmp_path)
@@ -136,7 +138,7 @@ def test_it_runs_from_an_empty_folder(program: Path, tmp_path: Path) -> None:
     assert "rolls" in called(program, "machine", "slab1200/thermal", cwd=tmp_path)
 
 
-def test_two_ranks_give_the_same(program: Path, tmp_path: Path) -> None:
+def test_two_ranks_agree(program: Path, tmp_path: Path) -> None:
     case = ("run", "billet125/taper_1", "--accuracy", "coarse", "--set", "casting.length=30 mm")
     launcher = (program.with_name("mpiexec"), "-n", "2")
     found = []
