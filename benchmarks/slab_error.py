@@ -137,7 +137,7 @@ def main(output: Output, quick: bool) -> None:
     if not quick:
         output.csv("slab_speed", _speed(folder))
     show(output)
-    if runs := _told(output):
+    if runs := _runs_with_errors(output):
         output.figure("slab_error", draw(runs))
 
 
@@ -235,7 +235,7 @@ def _off(ours: np.ndarray, theirs: np.ndarray) -> float:
     return float(difference[0] if len(difference) == 1 else np.sqrt(np.mean(difference**2)))
 
 
-def _told(output: Output) -> list[dict[str, Any]]:
+def _runs_with_errors(output: Output) -> list[dict[str, Any]]:
     """Return the runs with their errors."""
     rows = {row["name"]: row for row in output.rows("slab_error") if not row["failure"]}
     if not {one.name for one in (SHIPPED, EVENLY, FINE_CELLS, FINE_WINDOWS)} <= set(rows):
@@ -253,7 +253,7 @@ def show(output: Output) -> None:
         "whole": ("to #62, min", ".1f"),
     }  # fmt: skip
     output.table("slab speed", output.rows("slab_speed"), head)
-    runs = _told(output)
+    runs = _runs_with_errors(output)
     if not runs:
         return
     lines = []

@@ -119,7 +119,7 @@ def test_best_known_result_has_fine_cells_and_windows(tmp_path: Path) -> None:
         )
     output = Output(tmp_path, "slab_error.md")
     output.csv("slab_error", rows)
-    table = {row["name"]: row for row in slab_error._told(output)}
+    table = {row["name"]: row for row in slab_error._runs_with_errors(output)}
     assert table[slab_error.EVENLY.name]["effort"] == pytest.approx(2.0 * 2.5 + 0.1 * 25.0)
     assert table[slab_error.FINE_CELLS.name]["effort"] == pytest.approx(0.1 * 25.0)
     assert table[slab_error.EVENLY.name]["surface"] == pytest.approx(7.5e-3)

@@ -82,7 +82,7 @@ def test_worse_or_infeasible_valley_is_not_reported():
     """One is worse by a tenth, the other lacks heat."""
     found = solve(study({**SPEED, "start": "2.2 m/min"}), two_valleys)
     assert not found.other_optima
-    assert "another place" not in str(next(iter(report(found))))
+    assert "another point" not in str(next(iter(report(found))))
 
     def given(wanted: RunRequest) -> dict[str, float]:
         return {**bowls(wanted), HEAT: 1e6 * wanted.values[0]}
@@ -140,7 +140,7 @@ def test_flat_valley_is_one_valley() -> None:
     for given in (quartic, lambda wanted: {STRESS: 10.0}):
         found = solve(study({**SPEED, "start": "2.2 m/min"}, method="cobyqa"), given)
         assert not found.other_optima
-        assert "another place" not in str(next(iter(report(found))))
+        assert "another point" not in str(next(iter(report(found))))
     assert found.values[0].low <= 2.2  # of the last, which is flat
 
 
