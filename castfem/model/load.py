@@ -163,7 +163,8 @@ def _or_raise(reading: Reading) -> Case:
     if reading.problems or reading.case is None:
         raise InputError(reading.problems)
     if isinstance(reading.case, TensileCase):
-        raise InputError(f"{reading.case.title}: is a tensile test; a strand is needed here")
+        kind = Problem((), "is a tensile test; the case of a strand is required")
+        raise InputError(reading.line(kind))
     return reading.case
 
 
