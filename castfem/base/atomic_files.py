@@ -312,9 +312,7 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except NotImplementedError:
-            # Reason: filelock before version 4 raises it where a file system has no locks, which
-            # the caller learns from False.
+        except NotImplementedError:  # reason: from filelock before 4 if a file system has no locks
             return False
         except OSError as error:  # from version 4 on the error of flock() itself
             if error.errno in _NONE:
